@@ -49,6 +49,9 @@ const DOCUMENTS: [(&str, &str); 6] = [
 /// Short pipelines, in the workspace.
 const EXAMPLES: &str = "scripts/examples";
 
+/// Files to try commands with, as they are named in the documents.
+const FILES_TO_TRY: &str = "docs/examples";
+
 /// Lays out the tree anew, and returns its folder.
 ///
 /// # Errors
@@ -70,6 +73,7 @@ pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Resu
         put(&project.root().join(from), &documents.join(to), 0o644)?;
     }
     copy(&project.root().join(EXAMPLES), &documents.join("examples"))?;
+    copy(&project.root().join(FILES_TO_TRY), &documents.join(FILES_TO_TRY))?;
     write(&documents.join("THIRD-PARTY-LICENSES.txt"), licences::page(project, profile)?.as_bytes())?;
     for (shell, place) in COMPLETIONS {
         write(&tree.join(place), &output(Command::new(&compiled.runnable).args(["completions", shell]))?)?;

@@ -64,7 +64,23 @@ def canonical(value):
     return "{" + ",".join(f"{quoted(key)}:{canonical(item)}" for key, item in fields) + "}"
 
 
+def by_content(value, files):
+    """A part of a scenario with the hashes of files in the places of their names."""
+    if isinstance(value, str):
+        return f"blake3:{files[value]}" if value in files else value
+    if isinstance(value, list):
+        return [by_content(item, files) for item in value]
+    if isinstance(value, dict):
+        return {key: by_content(item, files) for key, item in value.items()}
+    return value
+
+
 def scenario_id(scenario):
+    scenario = dict(scenario)
+    files = scenario.pop("files", {})
+    for part in ("simulator", "driver", "perturbations"):
+        if part in scenario:
+            scenario[part] = by_content(scenario[part], files)
     text = canonical(scenario).encode()
     return blake3(text, derive_key_context="pdk scenario, version 1").hexdigest()[:32]
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Predictor, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
@@ -166,6 +166,9 @@ impl Registry {
         name: &str,
         parameters: &Map<String, Value>,
     ) -> Result<(Instance, Config)> {
+        if is_mask_script(kind, name) {
+            return self.mask_script(Path::new(name), parameters);
+        }
         let entry = self.catalog.get(kind, name)?;
         let config = Config::check(&entry.description, parameters)?;
         let label = format!("{kind} `{name}`");
@@ -207,6 +210,9 @@ impl Registry {
         name: &str,
         parameters: &Map<String, Value>,
     ) -> Result<Vec<InputFiles>> {
+        if is_mask_script(kind, name) {
+            return Ok(Vec::new());
+        }
         let entry = self.catalog.get(kind, name)?;
         let config = Config::check(&entry.description, parameters)?;
         let label = format!("{kind} `{name}`");
@@ -223,6 +229,26 @@ impl Registry {
             // A script reads no files.
             Some(Source::Script | Source::BuiltInScript(_)) | None => Ok(Vec::new()),
         }
+    }
+
+    /// Makes the mask in a script that is named by its path.
+    fn mask_script(&self, file: &Path, parameters: &Map<String, Value>) -> Result<(Instance, Config)> {
+        let label = format!("{} `{}`", Kind::Mask, file.display());
+        if !file.is_file() {
+            let sentence = "there is no such file; name a script, or a mask that `pdk list mask` shows";
+            return Err(Error::of(ErrorKind::Configuration, sentence).at(&label));
+        }
+        let script = Script::File(file);
+        let description = calls::call(&label, Function::Load, || self.scripts.describe(script))?;
+        let description =
+            description.filter(|description| description.kind == Kind::Mask).ok_or_else(|| {
+                let sentence =
+                    "the script has no mask; let it return a table with `mask`, as `pdk new mask` writes one";
+                Error::of(ErrorKind::Configuration, sentence).at(&label)
+            })?;
+        let config = Config::check(&description, parameters)?;
+        let instance = calls::call(&label, Function::New, || self.scripts.create(script, &config));
+        Ok((instance.map_err(|error| error.at(&label))?, config))
     }
 
     fn source(&self, kind: Kind, name: &str) -> Option<&Source> {
@@ -344,7 +370,7 @@ impl Registry {
         self.seen.insert(file.clone()).then_some(file)
     }
 
-    /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.
+    /// Adds the files and folders that components ask for: in the given folders, and in those of the right name wherever plugins lie.
     fn add_drop_ins(&mut self, search: &SearchPath) {
         let bases: Vec<Description> =
             self.catalog.entries().iter().map(|entry| entry.description.clone()).collect();
@@ -353,27 +379,32 @@ impl Registry {
             let mut folders = search.drop_ins.clone();
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let mut seen = BTreeSet::new();
-            let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
+            let files: Vec<_> = folders.iter().flat_map(|folder| self.content_of(folder)).collect();
             for file in files {
                 // The same folder may be looked into by several ways.
                 if !seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
                     continue;
                 }
-                let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-                if drop_in.endings.contains(&ending) {
+                if drop_in.takes(&file) {
                     self.add_drop_in(&base, &drop_in.parameter, file);
                 }
             }
         }
     }
 
-    /// The files of a folder by name; none if there is no such folder. One that cannot be read is refused.
+    /// The files of a folder by name, as for [`Registry::content_of`].
     fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let mut files = self.content_of(folder);
+        files.retain(|file| file.is_file());
+        files
+    }
+
+    /// What is in a folder by name; nothing if there is no such folder. One that cannot be read is refused.
+    fn content_of(&mut self, folder: &Path) -> Vec<PathBuf> {
         let paths = std::fs::read_dir(folder)
             .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
         match paths {
             Ok(mut files) => {
-                files.retain(|file| file.is_file());
                 files.sort();
                 files
             }
@@ -435,6 +466,11 @@ fn mistake(place: &Path, files: bool) -> Option<&'static str> {
     } else {
         Some("does not exist; create it or")
     }
+}
+
+/// Whether a mask is named by the path of a script rather than by a name.
+pub fn is_mask_script(kind: Kind, name: &str) -> bool {
+    kind == Kind::Mask && is_script(Path::new(name))
 }
 
 /// Whether a file is a library, by its name.

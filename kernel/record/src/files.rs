@@ -21,6 +21,16 @@ pub struct FileRecord {
     pub blake3: String,
 }
 
+/// A path as records have it: what lies below the working directory counts from there, so that a record says the same wherever that is.
+pub fn recorded(path: &Path) -> PathBuf {
+    let Ok(here) = std::env::current_dir() else { return path.to_owned() };
+    match path.strip_prefix(here) {
+        Ok(inside) if inside.as_os_str().is_empty() => PathBuf::from("."),
+        Ok(inside) => inside.to_owned(),
+        Err(_) => path.to_owned(),
+    }
+}
+
 fn is_zero(count: &usize) -> bool {
     *count == 0
 }
@@ -31,12 +41,12 @@ impl FileRecord {
     /// # Errors
     /// If it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        Ok(Self::new(path.to_owned(), hash::of(path)?))
+        Ok(Self::new(path, hash::of(path)?))
     }
 
     /// A single file.
-    pub fn new(path: PathBuf, blake3: String) -> Self {
-        Self { path, group: String::new(), count: 0, blake3 }
+    pub fn new(path: &Path, blake3: String) -> Self {
+        Self { path: recorded(path), group: String::new(), count: 0, blake3 }
     }
 
     /// How it differs from a recorded one of the same path and group, as a clause; none if it does not.

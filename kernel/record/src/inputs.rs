@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
 use pdk_sdk::input_files::InputFiles;
 
-use crate::files::FileRecord;
+use crate::files::{FileRecord, recorded};
 
 /// Groups of this many files at most have a record of each file too, so that a difference is named.
 const FEW: usize = 64;
@@ -35,7 +35,7 @@ pub fn records(group: &InputFiles, tick: &mut Tick<'_>) -> Result<Vec<FileRecord
         hasher.update(&size.to_le_bytes()).update(hash);
     }
     let mut records = vec![FileRecord {
-        path: folder.clone(),
+        path: recorded(folder),
         group: what.clone(),
         count: names.len(),
         blake3: hasher.finalize().to_hex().to_string(),
@@ -43,10 +43,24 @@ pub fn records(group: &InputFiles, tick: &mut Tick<'_>) -> Result<Vec<FileRecord
     if names.len() <= FEW {
         let readable = names.iter().zip(&contents).filter(|(_, content)| **content != UNREADABLE);
         records.extend(readable.map(|(name, (_, hash))| {
-            FileRecord::new(folder.join(name), blake3::Hash::from_bytes(*hash).to_hex().to_string())
+            FileRecord::new(&folder.join(name), blake3::Hash::from_bytes(*hash).to_hex().to_string())
         }));
     }
     Ok(records)
+}
+
+/// The content of the files in a folder as one hash, without what is in its folders.
+///
+/// # Errors
+/// If it cannot be listed.
+pub fn of_folder(folder: &Path) -> Result<String> {
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        names.extend(entry.path().is_file().then(|| PathBuf::from(entry.file_name())));
+    }
+    let group = InputFiles::new("files", folder, names);
+    Ok(records(&group, &mut |_, _| Ok(()))?.swap_remove(0).blake3)
 }
 
 /// The size and the hash of each file, read on all processors.

@@ -7,6 +7,7 @@
 //! | [`directory`] | the folder of a run |
 //! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run, with the [`files`] that it read; `inputs` makes one hash of the files of a dataset and the like |
+//! | [`located`] | where these files are, as seen from here |
 //! | [`shard`] | the parts of a run |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`merge`] | the records of all parts of a run put together |
@@ -18,6 +19,7 @@ pub mod files;
 mod inputs;
 pub mod ledger;
 pub mod lines;
+pub mod located;
 pub mod manifest;
 pub mod merge;
 pub mod settle;

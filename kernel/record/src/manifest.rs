@@ -5,6 +5,7 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::{Catalog, Entry, PluginRecord};
+use pdk_components::registry::is_mask_script;
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
@@ -15,7 +16,7 @@ use pdk_sdk::input_files::InputFiles;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::files::FileRecord;
+use crate::files::{FileRecord, recorded};
 use crate::inputs::{self, Tick};
 use crate::shard::Shard;
 
@@ -30,6 +31,10 @@ pub struct Manifest {
     pub pipeline: Pipeline,
     /// The settings of the pipeline with what was overridden.
     pub settings: Value,
+    /// The folder in which the run was started, as seen from the record's; empty if it is not one of those around it. Relative paths count
+    /// from there.
+    #[serde(default, skip_serializing_if = "is_empty")]
+    pub folder: PathBuf,
     /// The folders that `--plugins` named.
     #[serde(default)]
     pub plugins: Vec<PathBuf>,
@@ -40,11 +45,18 @@ pub struct Manifest {
     pub components: Vec<ComponentRecord>,
     /// Models and other files that components were given.
     pub files: Vec<FileRecord>,
+    /// The evaluations of datasets that were begun, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub evaluations: Vec<EvaluationRecord>,
     /// The machine.
     pub machine: Machine,
     /// Which part of the run it is; none if it is the whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
 
 /// The pipeline of a run.
@@ -95,6 +107,15 @@ pub struct ComponentRecord {
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
+}
+
+/// An evaluation of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationRecord {
+    /// The reader of its frames.
+    pub dataset: ComponentSpec,
+    /// The driver under test.
+    pub driver: ComponentSpec,
 }
 
 /// The machine of a run.
@@ -151,6 +172,7 @@ impl Manifest {
         self.files.extend(recorded.files.iter().cloned());
         self.files.sort();
         self.files.dedup();
+        self.evaluations.extend(recorded.evaluations.iter().skip(self.evaluations.len()).cloned());
         Ok(self)
     }
 
@@ -320,6 +342,9 @@ impl InUse {
         parameters: &Map<String, Value>,
         info: Vec<(String, String)>,
     ) -> Result<()> {
+        if is_mask_script(kind, name) {
+            return self.add_file(Path::new(name));
+        }
         let entry = catalog.get(kind, name)?;
         let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
         if !known {
@@ -333,7 +358,8 @@ impl InUse {
                 info,
             });
         }
-        if entry.base.is_some() {
+        // The component lists the files of a folder itself.
+        if entry.base.is_some() && !entry.file.is_dir() {
             self.add_file(&entry.file)?;
         }
         for path in parameters.values().flat_map(texts).map(Path::new).filter(|path| path.is_file()) {
@@ -385,7 +411,8 @@ impl InUse {
     /// # Errors
     /// If it cannot be read.
     pub fn add_file(&mut self, path: &Path) -> Result<()> {
-        if !self.files.iter().any(|file| file.path == path) {
+        let place = recorded(path);
+        if !self.files.iter().any(|file| file.path == place) {
             self.files.insert(FileRecord::of(path)?);
         }
         Ok(())
@@ -397,7 +424,8 @@ impl InUse {
     /// An error of `tick`, which is called with the number of files of a group that have been read.
     pub fn add_input_files(&mut self, groups: &[InputFiles], tick: &mut Tick<'_>) -> Result<()> {
         for group in groups {
-            let known = |file: &FileRecord| file.path == group.folder && file.group == group.what;
+            let folder = recorded(&group.folder);
+            let known = |file: &FileRecord| file.path == folder && file.group == group.what;
             if !self.files.iter().any(known) {
                 self.files.extend(inputs::records(group, tick)?);
             }
@@ -408,14 +436,11 @@ impl InUse {
     /// The record of what has a component's code. A library, which many components share, is read once.
     fn hashed(&self, code: &Entry) -> Result<FileRecord> {
         if let Some(blake3) = &code.blake3 {
-            return Ok(FileRecord::new(code.file.clone(), blake3.clone()));
+            return Ok(FileRecord::new(&code.file, blake3.clone()));
         }
+        let place = recorded(&code.file);
         let known = self.components.iter().map(|component| &component.file);
-        known
-            .clone()
-            .find(|file| file.path == code.file)
-            .cloned()
-            .map_or_else(|| FileRecord::of(&code.file), Ok)
+        known.clone().find(|file| file.path == place).cloned().map_or_else(|| FileRecord::of(&code.file), Ok)
     }
 
     /// The components, in order.

@@ -5,17 +5,23 @@
 //! everything that decides the outcome, and a machine that has something else refuses it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde_json::{Map, Value};
 
+use crate::files::recorded;
+use crate::inputs;
 use crate::manifest::components_of;
 use pdk_components::catalog::Catalog;
+use pdk_components::hash;
+use pdk_components::registry::is_mask_script;
 
 /// Puts what options stand for into scenarios and evaluations, and notes what it was.
 pub struct Settler<'a> {
@@ -25,22 +31,70 @@ pub struct Settler<'a> {
     pub wanted: BTreeMap<&'static str, &'a str>,
     /// What was settled so far: each parameter with each of its values.
     pub settled: &'a mut Vec<(String, String)>,
+    /// The contents of files and folders that were named so far, by their paths.
+    pub contents: &'a mut BTreeMap<String, String>,
 }
 
 impl Settler<'_> {
-    /// Settles all components of a scenario.
+    /// Settles all components of a scenario, and notes the contents of the files that they name.
     pub fn scenario(&mut self, scenario: &mut Scenario) {
         self.component(Kind::Simulator, &mut scenario.simulator);
         self.component(Kind::Driver, &mut scenario.driver);
         self.perturbations(&mut scenario.perturbations);
+        let mut files = BTreeMap::new();
+        for (kind, component) in components_of(scenario) {
+            let parameters = self.paths(kind, &component.name);
+            let named = parameters.iter().filter_map(|name| component.parameters.get(name)?.as_str());
+            // What stands for a file of the user's is what that file holds.
+            let made_of = self.catalog.get(kind, &component.name).ok().filter(|entry| entry.base.is_some());
+            if let Some(path) = made_of.map(|entry| entry.file.to_string_lossy().into_owned()) {
+                let mut content = BTreeMap::new();
+                self.note(&path, &mut content);
+                files.extend(content.into_values().map(|content| (component.name.clone(), content)));
+            }
+            // A mask may be a script of the user's, by its path.
+            let script = is_mask_script(kind, &component.name).then_some(component.name.as_str());
+            named.chain(script).for_each(|path| self.note(path, &mut files));
+        }
+        for perturbation in &scenario.perturbations {
+            if let Some(Region::Mask(path)) = &perturbation.region {
+                self.note(path, &mut files);
+            }
+        }
+        scenario.files = files;
+    }
+
+    /// The parameters of a component that name files or folders.
+    fn paths(&self, kind: Kind, name: &str) -> Vec<String> {
+        let Ok(entry) = self.catalog.get(kind, name) else { return Vec::new() };
+        let parameters = entry.description.parameters.iter();
+        parameters.filter(|parameter| parameter.kind == ParameterType::Path).map(|p| p.name.clone()).collect()
+    }
+
+    /// Notes the content of a file or a folder. What cannot be read is for its component to report.
+    fn note(&mut self, path: &str, files: &mut BTreeMap<String, String>) {
+        if !self.contents.contains_key(path) {
+            let place = Path::new(path);
+            let content = if place.is_dir() { inputs::of_folder(place) } else { hash::of(place) };
+            self.contents.extend(content.ok().map(|content| (path.to_owned(), content)));
+        }
+        files.extend(self.contents.get(path).map(|content| (path.to_owned(), content.clone())));
     }
 
     /// Settles perturbations with their masks and the methods that choose their pixels.
     pub fn perturbations(&mut self, applied: &mut [AppliedPerturbation]) {
         for perturbation in applied {
+            if let Some(Region::Mask(path)) = &mut perturbation.region {
+                *path = as_recorded(path);
+            }
             self.parameters(Kind::Perturbation, &perturbation.name, &mut perturbation.parameters);
             if let Some(selection) = &mut perturbation.selection {
-                selection.mask.iter_mut().for_each(|mask| self.component(Kind::Mask, mask));
+                if let Some(mask) = &mut selection.mask {
+                    if is_mask_script(Kind::Mask, &mask.name) {
+                        mask.name = as_recorded(&mask.name);
+                    }
+                    self.component(Kind::Mask, mask);
+                }
                 selection.by.iter_mut().for_each(|by| self.component(Kind::Saliency, by));
             }
             if let Some(attention) = &mut perturbation.attention {
@@ -56,6 +110,11 @@ impl Settler<'_> {
 
     // What there is not, or has no such option, is refused when the component is made.
     fn parameters(&mut self, kind: Kind, name: &str, parameters: &mut Map<String, Value>) {
+        for name in self.paths(kind, name) {
+            if let Some(Value::String(path)) = parameters.get_mut(&name) {
+                *path = as_recorded(path);
+            }
+        }
         let Ok(entry) = self.catalog.get(kind, name) else { return };
         let settled =
             entry.description.parameters.iter().filter(|parameter| !parameter.stands_for.is_empty());
@@ -75,6 +134,11 @@ impl Settler<'_> {
             parameters.insert(parameter.name.clone(), value);
         }
     }
+}
+
+/// A path as records have it.
+fn as_recorded(path: &str) -> String {
+    recorded(Path::new(path)).to_string_lossy().into_owned()
 }
 
 /// Makes sure that this machine has what a recorded scenario was settled to.
@@ -123,7 +187,7 @@ mod tests {
         for description in [
             Description::driver("net", "A network").parameter(engine.clone()),
             Description::saliency("map", "A map").parameter(engine),
-            Description::simulator("road", "A road"),
+            Description::simulator("road", "A road").parameter(Parameter::path("map", "Its map")),
         ] {
             catalog.add(Entry::new(description, "somewhere".into()));
         }
@@ -133,7 +197,8 @@ mod tests {
     fn settle(scenario: &mut Scenario, wanted: &[(&'static str, &str)]) -> Vec<(String, String)> {
         let wanted = wanted.iter().copied().collect();
         let mut settled = Vec::new();
-        Settler { catalog: &catalog(), wanted, settled: &mut settled }.scenario(scenario);
+        let contents = &mut BTreeMap::new();
+        Settler { catalog: &catalog(), wanted, settled: &mut settled, contents }.scenario(scenario);
         settled
     }
 
@@ -171,6 +236,33 @@ mod tests {
             never.message().starts_with("the scenario does not say which `engine` the driver `net` had"),
             "{never}"
         );
+    }
+
+    #[test]
+    fn the_id_follows_from_what_is_in_a_file_and_not_from_where_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let named = |path: &Path| {
+            let mut scenario = Scenario::new(ComponentSpec::new("road"), ComponentSpec::new("net"));
+            scenario.simulator.parameters.insert("map".to_owned(), path.to_string_lossy().into());
+            settle(&mut scenario, &[]);
+            scenario
+        };
+        let path = |name: &str| folder.path().join(name);
+        for (name, text) in [("a", "1"), ("b", "1"), ("c", "2")] {
+            std::fs::write(path(name), text).unwrap();
+            std::fs::create_dir(path(&format!("in-{name}"))).unwrap();
+            std::fs::write(path(&format!("in-{name}/x")), text).unwrap();
+        }
+        let ids = |names: [&str; 4]| names.map(|name| named(&path(name)).id());
+        let [a, b, c, gone] = ids(["a", "b", "c", "d"]);
+        assert!(a == b && a != c && a != gone);
+        let [a, b, c, _] = ids(["in-a", "in-b", "in-c", "a"]);
+        assert!(a == b && a != c);
+        // A path below the working directory counts from there.
+        let here = std::env::current_dir().unwrap().canonicalize().unwrap().join("Cargo.toml");
+        let scenario = named(&here);
+        assert_eq!(scenario.simulator.parameters["map"], "Cargo.toml");
+        assert_eq!(scenario.files.keys().collect::<Vec<_>>(), ["Cargo.toml"]);
     }
 
     #[test]

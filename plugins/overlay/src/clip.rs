@@ -4,7 +4,7 @@ use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::prelude::*;
-use pdk_video::{Container, Ffmpeg, Input, Opened, Pace, Reader, Yuv420};
+use pdk_video::{Container, Ffmpeg, Input, Opened, Reader, Yuv420};
 
 use crate::file;
 use crate::frames::Frames;
@@ -40,10 +40,21 @@ impl Frames for Video {
 struct Decoded {
     ffmpeg: Ffmpeg,
     frame: Yuv420,
+    /// The planes of a frame with alpha.
+    planes: Vec<u8>,
 }
 
 impl Frames for Decoded {
     fn next(&mut self, into: &mut Picture) -> Result<bool> {
+        if self.ffmpeg.has_alpha() {
+            if !self.ffmpeg.next_with_alpha(&mut self.planes)? {
+                return Ok(false);
+            }
+            let (width, height) = self.ffmpeg.size();
+            into.reset(width, height, Layout::Rgba);
+            into.fill_from_planes(&self.planes);
+            return Ok(true);
+        }
         if !self.ffmpeg.next(&mut self.frame)? {
             return Ok(false);
         }
@@ -136,8 +147,8 @@ impl Clip {
 
     fn through_ffmpeg(&self, codec: &str) -> Result<Box<dyn Frames>> {
         let Self::Path(path) = self else { return Err(Error::new(format!("it is {codec}"))) };
-        let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), path, codec, Pace::Steady)?;
-        Ok(Box::new(Decoded { ffmpeg, frame: Yuv420::default() }))
+        let ffmpeg = Ffmpeg::start_with_alpha(Path::new("ffmpeg"), path, codec)?;
+        Ok(Box::new(Decoded { ffmpeg, frame: Yuv420::default(), planes: Vec::new() }))
     }
 }
 

@@ -7,7 +7,8 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::picture::{Picture, Samples, luma_and_chroma, rgb};
+use crate::edges::{Edges, Width};
+use crate::picture::{Layout, Picture, Samples, luma_and_chroma, rgb};
 
 /// Chroma at least this far from grey counts as saturated, of at most about 119.
 const SATURATED: f32 = 40.0;
@@ -19,6 +20,10 @@ const LARGEST_SPREAD: f64 = 30.0;
 const HUE_TANGENT: f32 = 1.0;
 /// Foreground from this share on is opaque.
 const OPAQUE: f32 = 0.95;
+/// A screen whose noise is at most this is even.
+const QUIET: f32 = 0.08;
+/// Neighbours are mixed if that leaves at most this share of the noise.
+const CALMER: f32 = 0.6;
 /// Pixels looked at in each direction when the screen is searched for.
 const GRID: usize = 240;
 
@@ -38,6 +43,10 @@ pub struct Screen {
     colour: [f32; 3],
     /// Foreground up to this share is noise of the screen.
     noise: f32,
+    /// Neighbours are mixed first: the colours of the clip are dithered or noisy.
+    smooth: bool,
+    /// The clip is one of pdk's own, which are drawn with soft edges.
+    known: bool,
 }
 
 impl Matte {
@@ -57,6 +66,24 @@ impl Matte {
                 samples
             })
             .collect();
+        let plain = Screen::find(&halved, key, false);
+        let is_video = pictures.iter().any(|picture| picture.layout == Layout::Yuv420);
+        if is_video || plain.as_ref().is_ok_and(|screen| screen.noise <= QUIET) {
+            return plain.map(Self::Screen);
+        }
+        let mut smoothed = halved;
+        smoothed.iter_mut().for_each(Samples::smooth);
+        match (plain, Screen::find(&smoothed, key, true)) {
+            (Ok(plain), Ok(smooth)) if smooth.noise > CALMER * plain.noise => Ok(Self::Screen(plain)),
+            (_, Ok(smooth)) => Ok(Self::Screen(smooth)),
+            (plain, Err(_)) => plain.map(Self::Screen),
+        }
+    }
+}
+
+impl Screen {
+    /// Looks for the screen in a few pictures.
+    fn find(pictures: &[Samples], key: Option<[u8; 3]>, smooth: bool) -> Result<Self> {
         let colour = match key {
             Some(key) => {
                 let colour = luma_and_chroma(key.map(f32::from));
@@ -68,22 +95,34 @@ impl Matte {
                 }
                 colour
             }
-            None => dominant(&halved)?,
+            None => dominant(pictures)?,
         };
-        let noise = noise_of(&halved, colour).ok_or_else(|| {
+        let noise = noise_of(pictures, colour).ok_or_else(|| {
             Error::new(format!(
                 "the key colour {} does not occur in the clip; `auto` finds the screen's colour",
                 hex(key.unwrap_or_default())
             ))
         })?;
-        Ok(Self::Screen(Screen { colour, noise }))
+        Ok(Self { colour, noise, smooth, known: false })
     }
-}
 
-impl Screen {
     /// A screen of a known colour that a video has kept well.
     pub fn known(rgb: [u8; 3]) -> Self {
-        Self { colour: luma_and_chroma(rgb.map(f32::from)), noise: 0.05 }
+        Self { colour: luma_and_chroma(rgb.map(f32::from)), noise: 0.05, smooth: false, known: true }
+    }
+
+    /// Takes the samples of a picture as the screen was found in them, and says how far edges reach there.
+    pub fn samples(&self, picture: &Picture, halve: bool, samples: &mut Samples) -> Width {
+        samples.fill(picture, halve);
+        if self.smooth {
+            samples.smooth();
+        }
+        if self.smooth || picture.layout == Layout::Yuv420 && !halve { Width::Blurred } else { Width::Sharp }
+    }
+
+    /// How opaque what has this share of the screen is.
+    fn alpha(&self, share: f32) -> f32 {
+        ((1.0 - share - self.noise) / (OPAQUE - self.noise)).clamp(0.0, 1.0)
     }
 
     /// The share of the screen in a pixel, from its chroma; noise leads beyond 0 and 1.
@@ -180,7 +219,7 @@ fn dominant(pictures: &[Samples]) -> Result<[f32; 3]> {
 /// How much foreground there seems to be where there is only the screen; none if the colour does not occur.
 fn noise_of(pictures: &[Samples], colour: [f32; 3]) -> Option<f32> {
     const STEPS: usize = 1000;
-    let screen = Screen { colour, noise: 0.0 };
+    let screen = Screen { colour, noise: 0.0, smooth: false, known: false };
     let mut counts = [0u64; STEPS + 1];
     let mut total = 0u64;
     for_each_sample(pictures, |sample, _| {
@@ -220,10 +259,17 @@ impl Keyer {
             let (blue, red) = ((i >> 8) as f32 - 128.0, (i & 255) as f32 - 128.0);
             let share = screen.share(blue, red).clamp(0.0, 1.0);
             let foreground = 1.0 - share;
-            let alpha = ((foreground - screen.noise) / (OPAQUE - screen.noise)).clamp(0.0, 1.0);
+            let alpha = screen.alpha(share);
             [share, if alpha > 0.0 { alpha / foreground } else { 0.0 }]
         };
         Self { screen, table: (0..1 << 16).map(entry).collect() }
+    }
+
+    /// Takes the screen out of the edges of a picture that was keyed.
+    pub fn clean(&self, samples: &Samples, width: Width, edges: &mut Edges, rgba: &mut [u8]) {
+        if !self.screen.known {
+            edges.clean(samples, self.screen.colour, width, |place| self.screen.alpha(1.0 - place), rgba);
+        }
     }
 
     /// Writes premultiplied red, green, blue and alpha of every pixel.
@@ -274,7 +320,6 @@ pub fn premultiply(picture: &Picture, rgba: &mut Vec<u8>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Layout;
 
     const GREEN: [f32; 3] = [5.0, 193.0, 66.0];
 
@@ -300,8 +345,10 @@ mod tests {
     fn keyed(picture: &Picture, matte: Matte) -> Vec<u8> {
         let Matte::Screen(screen) = matte else { panic!("{matte:?}") };
         let (mut samples, mut rgba) = (Samples::default(), Vec::new());
-        samples.fill(picture, false);
-        Keyer::new(screen).key(&samples, &mut rgba);
+        let width = screen.samples(picture, false, &mut samples);
+        let keyer = Keyer::new(screen);
+        keyer.key(&samples, &mut rgba);
+        keyer.clean(&samples, width, &mut Edges::default(), &mut rgba);
         rgba
     }
 

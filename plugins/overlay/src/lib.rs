@@ -12,8 +12,11 @@ mod dynamic_rain_filter;
 mod dynamic_smoke_filter;
 mod dynamic_snow_filter;
 mod dynamic_sun_filter;
+mod edges;
 mod file;
 mod frames;
+#[cfg(test)]
+mod fringe;
 mod key;
 mod overlay;
 mod picture;

@@ -1,6 +1,6 @@
 //! The user's own clips.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
@@ -8,6 +8,7 @@ use pdk_sdk::serde_json::json;
 use crate::cache;
 use crate::clip::Clip;
 use crate::common::{fit_of, motion_of, with_common, with_motion};
+use crate::pictures::{Folder, PICTURES};
 use crate::player::Player;
 use crate::prepare::{self, Settings};
 use crate::published;
@@ -25,7 +26,7 @@ impl Component for Overlay {
     fn description() -> Description {
         let description =
             Description::perturbation("overlay", "Lays a green-screen clip of the user's over the frame")
-                .version(4)
+                .version(5)
                 .not_default()
                 .source("Chroma keying by screen subtraction: Jack, Video Demystified");
         with_motion(with_common(description), ["cross-fade", "ping-pong", "repeat"])
@@ -44,7 +45,19 @@ impl Component for Overlay {
                     .unit("s"),
             )
             .drop_in("overlays", &ENDINGS, "clip")
+            .drop_in_folders(&PICTURES)
             .example(json!({"clip": "built-in:birds"}))
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        let clip = Path::new(config.text("clip"));
+        if !clip.is_dir() {
+            return Ok(Vec::new());
+        }
+        // What is wrong with it shows when the overlay is made.
+        let files = Folder::files(clip).unwrap_or_default();
+        let names = files.iter().filter_map(|file| file.file_name()).map(PathBuf::from).collect();
+        Ok(vec![InputFiles::new("pictures", clip, names)])
     }
 
     fn new(config: &Config) -> Result<Self> {

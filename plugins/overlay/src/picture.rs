@@ -31,6 +31,20 @@ impl Picture {
         self.data.resize(len, 0);
     }
 
+    /// Takes red, green, blue and alpha from four planes of the picture's size: luma, blue and red chroma as video has them, and alpha.
+    pub fn fill_from_planes(&mut self, planes: &[u8]) {
+        let size = self.width * self.height;
+        let value = |plane: usize, at: usize, offset: f32| f32::from(planes[plane * size + at]) - offset;
+        for (at, pixel) in self.data.chunks_exact_mut(4).enumerate() {
+            let colour = rgb([value(0, at, 16.0), value(1, at, 128.0), value(2, at, 128.0)]);
+            pixel
+                .iter_mut()
+                .zip(colour)
+                .for_each(|(out, value)| *out = (value.clamp(0.0, 255.0) + 0.5) as u8);
+            pixel[3] = planes[3 * size + at];
+        }
+    }
+
     /// Whether some pixel is not opaque.
     pub fn has_transparency(&self) -> bool {
         self.layout == Layout::Rgba && self.data.chunks_exact(4).any(|pixel| pixel[3] != 255)
@@ -91,6 +105,16 @@ impl Samples {
             (Layout::Yuv420, true) if picture.width >= 2 && picture.height >= 2 => self.fill_halved(picture),
             (Layout::Yuv420, _) => self.fill_enlarged(picture),
         }
+    }
+
+    /// Mixes each sample with its neighbours: chroma over five, luma over three in each direction. It takes the pattern out of dithered
+    /// colours.
+    pub fn smooth(&mut self) {
+        let (width, height) = (self.width, self.height);
+        for plane in [&mut self.blue, &mut self.red] {
+            blur(plane, (width, height), &[1, 4, 6, 4, 1]);
+        }
+        blur(&mut self.luma, (width, height), &[1, 2, 1]);
     }
 
     fn resize(&mut self, width: usize, height: usize) {
@@ -157,6 +181,27 @@ impl Samples {
                 }
             }
         }
+    }
+}
+
+/// Blurs a plane with these weights in both directions. Its border is repeated outside of it.
+fn blur(plane: &mut [u8], (width, height): (usize, usize), weights: &[u16]) {
+    let (middle, sum) = ((weights.len() / 2) as isize, u32::from(weights.iter().sum::<u16>()));
+    let mixed = |size: usize, at: usize, value: &dyn Fn(usize) -> u8| {
+        let place = |ahead: isize| (at as isize + ahead).clamp(0, size as isize - 1) as usize;
+        let total: u32 = (-middle..)
+            .zip(weights)
+            .map(|(ahead, weight)| u32::from(*weight) * u32::from(value(place(ahead))))
+            .sum();
+        ((total + sum / 2) / sum) as u8
+    };
+    let before = plane.to_vec();
+    for (row, from) in plane.chunks_exact_mut(width).zip(before.chunks_exact(width)) {
+        row.iter_mut().enumerate().for_each(|(x, out)| *out = mixed(width, x, &|x| from[x]));
+    }
+    let before = plane.to_vec();
+    for (y, row) in plane.chunks_exact_mut(width).enumerate() {
+        row.iter_mut().enumerate().for_each(|(x, out)| *out = mixed(height, y, &|y| before[y * width + x]));
     }
 }
 

@@ -19,6 +19,9 @@ use crate::picture::{Layout, Picture};
 
 /// Pictures a second where nothing says how many: in a folder, or in a clip whose pictures have no duration.
 const RATE: f64 = 30.0;
+/// The endings of the pictures in a folder.
+pub const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "webp", "gif"];
+
 /// An animation, or a still picture as an animation of one frame.
 pub struct Animation {
     frames: image::Frames<'static>,
@@ -149,7 +152,7 @@ impl Folder {
         for entry in std::fs::read_dir(folder)? {
             let path = entry?.path();
             let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            if ["png", "jpg", "jpeg", "bmp", "webp", "gif"].contains(&ending.as_str()) {
+            if PICTURES.contains(&ending.as_str()) {
                 files.push(path);
             }
         }

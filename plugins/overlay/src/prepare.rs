@@ -8,13 +8,14 @@ use pdk_sdk::prelude::*;
 
 use crate::cache;
 use crate::clip::{Clip, some_pictures};
+use crate::edges::Edges;
 use crate::key::{Keyer, Matte, Screen, premultiply};
 use crate::picture::{Layout, Picture, Samples};
 use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// The screen of the clips that come with pdk.
 const SCREEN: [u8; 3] = [0, 219, 26];
 /// Pictures in which the screen is searched for.
@@ -126,8 +127,9 @@ fn durations(ends: &[f64]) -> Vec<u64> {
 fn write(clip: &Clip, settings: &Settings, size: (usize, usize), writer: &mut Writer) -> Result<Vec<f64>> {
     let keyer = match matte(clip, settings)? {
         Matte::Alpha => None,
-        Matte::Screen(screen) => Some(Keyer::new(screen)),
+        Matte::Screen(screen) => Some((screen, Keyer::new(screen))),
     };
+    let mut edges = Edges::default();
     let mut frames = clip.open(false)?;
     let (mut picture, mut ends) = (Picture::default(), Vec::new());
     let (mut samples, mut scaler) = (Samples::default(), Scaler::default());
@@ -138,13 +140,14 @@ fn write(clip: &Clip, settings: &Settings, size: (usize, usize), writer: &mut Wr
                 premultiply(&picture, &mut rgba);
                 (picture.width, picture.height)
             }
-            Some(keyer) => {
+            Some((screen, keyer)) => {
                 // Video that shrinks by half or more is keyed at the size of its chroma.
                 let halve = picture.layout == Layout::Yuv420
                     && picture.width >= 2 * size.0
                     && picture.height >= 2 * size.1;
-                samples.fill(&picture, halve);
+                let width = screen.samples(&picture, halve, &mut samples);
                 keyer.key(&samples, &mut rgba);
+                keyer.clean(&samples, width, &mut edges, &mut rgba);
                 (samples.width, samples.height)
             }
         };

@@ -1,5 +1,6 @@
 //! Everything that decides an outcome.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -88,6 +89,23 @@ described! {
         seed: u64, Luau "number?", JSON "whole number, to 2^53 - 1";
         /// Which drive of the same it is, if it is wanted several times: another one gets luck of its own. 0 if it is left out.
         repeat: u64, Luau "number?", JSON "whole number", "if not 0" unless "is_zero";
+        /// The files and folders that parameters name, and the components that are made from a file of the user's, each with the hash of its
+        /// content. The id follows from the hashes, not from the names.
+        files: BTreeMap<String, String>, Luau "", JSON "object", "if not empty" unless "BTreeMap::is_empty";
+    }
+}
+
+/// Puts the contents of files in the places of their names.
+fn name_by_content(value: &mut Value, files: &BTreeMap<String, String>) {
+    match value {
+        Value::String(text) => {
+            if let Some(hash) = files.get(text) {
+                *text = format!("blake3:{hash}");
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| name_by_content(item, files)),
+        Value::Object(fields) => fields.values_mut().for_each(|value| name_by_content(value, files)),
+        _ => {}
     }
 }
 
@@ -101,12 +119,24 @@ impl Scenario {
         Self { simulator, driver, duration: DEFAULT_DURATION, ..Self::default() }
     }
 
-    /// The one text that says this scenario: JSON with keys sorted, without spaces, without what is null or the default, and
-    /// with one spelling for each number.
+    /// The one text that says this scenario: JSON with keys sorted, without spaces, without what is null or the default, with
+    /// one spelling for each number, and with the hashes of files in the places of their names.
     pub fn canonical(&self) -> String {
         match serde_json::to_value(self) {
-            Ok(value) => canonical(&value),
+            Ok(mut value) => {
+                self.name_by_content(&mut value);
+                canonical(&value)
+            }
             Err(error) => unreachable!("every key of a scenario is a text, so it is JSON: {error}"),
+        }
+    }
+
+    /// Puts the contents of files in the places of their names.
+    fn name_by_content(&self, scenario: &mut Value) {
+        let Some(fields) = scenario.as_object_mut().filter(|_| !self.files.is_empty()) else { return };
+        fields.remove("files");
+        for part in ["simulator", "driver", "perturbations"] {
+            fields.get_mut(part).into_iter().for_each(|part| name_by_content(part, &self.files));
         }
     }
 

@@ -1,8 +1,9 @@
 //! The values of a component's parameters, checked against its description.
 
+use pdk_model::perturbation::MODIFIERS;
 use serde_json::{Map, Value};
 
-use crate::describe::{Description, LEVELS, Parameter, ParameterType, between_levels};
+use crate::describe::{Description, Kind, LEVELS, Parameter, ParameterType, between_levels};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Checked values of a component's parameters.
@@ -122,7 +123,14 @@ fn without_effect(description: &Description, parameter: &Parameter) -> Error {
 }
 
 fn unknown_parameter(description: &Description, name: &str) -> Error {
-    let known: Vec<_> = description.parameters.iter().map(|p| p.name.as_str()).collect();
+    let mut known =
+        vec![description.parameters.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ")];
+    if description.kind == Kind::Perturbation {
+        // They are written like parameters.
+        let modifiers: Vec<_> = MODIFIERS.iter().map(|modifier| modifier.name).collect();
+        known.push(format!("the modifiers {}", modifiers.join(", ")));
+    }
+    known.retain(|names| !names.is_empty());
     mistake(if known.is_empty() {
         format!("{} `{}` has no parameters, so `{name}` cannot be set", description.kind, description.name)
     } else {
@@ -130,7 +138,7 @@ fn unknown_parameter(description: &Description, name: &str) -> Error {
             "{} `{}` has no parameter `{name}`; it has {}",
             description.kind,
             description.name,
-            known.join(", ")
+            known.join(", and ")
         )
     })
 }
@@ -238,7 +246,20 @@ mod tests {
         assert!(error(json!({"size": 2.5})).ends_with("a whole number from 1 to 9"));
         assert_eq!(
             error(json!({"strenght": 1})),
-            "perturbation `fog` has no parameter `strenght`; it has strength, mode, size"
+            "perturbation `fog` has no parameter `strenght`; it has strength, mode, size, and the modifiers level, probability, region, \
+             where, attention, draws"
+        );
+        let of = |description: Description| {
+            let given = json!({"probabilty": 0.5});
+            Config::check(&description, given.as_object().unwrap()).unwrap_err().to_string()
+        };
+        assert_eq!(
+            of(Description::perturbation("fog", "Fog")),
+            "perturbation `fog` has no parameter `probabilty`; it has the modifiers level, probability, region, where, attention, draws"
+        );
+        assert_eq!(
+            of(Description::driver("net", "A network")),
+            "driver `net` has no parameters, so `probabilty` cannot be set"
         );
     }
 

@@ -1,6 +1,7 @@
 //! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
@@ -317,7 +318,17 @@ impl Description {
             folder: folder.to_owned(),
             endings: endings.iter().map(|&ending| ending.to_owned()).collect(),
             parameter: parameter.to_owned(),
+            folders: Vec::new(),
         });
+        self
+    }
+
+    /// Makes folders that hold files with one of these endings drop-ins too, if files are: named after the folder, with the parameter set to
+    /// its path. The component lists the files of such a folder itself, by [`Component::input_files`](crate::component::Component).
+    pub fn drop_in_folders(mut self, endings: &[&str]) -> Self {
+        if let Some(drop_in) = &mut self.drop_in {
+            drop_in.folders = endings.iter().map(|&ending| ending.to_owned()).collect();
+        }
         self
     }
 
@@ -421,6 +432,25 @@ pub struct DropIn {
     pub endings: Vec<String>,
     /// The parameter that is set to the file's path.
     pub parameter: String,
+    /// The endings, without dot and in lower case, of the files that make their folder a component as well; empty if folders are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub folders: Vec<String>,
+}
+
+impl DropIn {
+    /// Whether a file or a folder becomes a component.
+    pub fn takes(&self, path: &Path) -> bool {
+        let is_one_of = |path: &Path, endings: &[String]| {
+            let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            path.is_file() && endings.contains(&ending)
+        };
+        if path.is_dir() {
+            // A folder that cannot be read has nothing to show.
+            let mut files = std::fs::read_dir(path).into_iter().flatten().flatten();
+            return !self.folders.is_empty() && files.any(|file| is_one_of(&file.path(), &self.folders));
+        }
+        is_one_of(path, &self.endings)
+    }
 }
 
 /// The type of a parameter and what it allows.

@@ -10,6 +10,7 @@ use pdk_image::{check_size, most_pixels};
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
+use crate::matroska;
 use crate::process::{Output, Process};
 
 /// Longer lines are not a header.
@@ -21,15 +22,8 @@ const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,
 /// More frames than this are not listed; see `timing`.
 const MOST: usize = 1 << 22;
 
-/// Which frames a video gives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pace {
-    /// As many a second as the video has on average: ffmpeg repeats and leaves out frames of a video without a fixed rate, so that they
-    /// come in their time.
-    Steady,
-    /// Each frame of the video once.
-    Own,
-}
+/// Frames without alpha have colours at half their size, as clips before a screen have mostly; those with alpha keep all.
+const FORMATS_OF_FRAMES: &str = "format=yuv420p|yuva444p";
 
 /// A running `ffmpeg` and its output.
 pub struct Ffmpeg {
@@ -37,6 +31,10 @@ pub struct Ffmpeg {
     output: Output,
     width: usize,
     height: usize,
+    /// Frames may have an alpha channel.
+    accepts_alpha: bool,
+    /// Frames have an alpha channel.
+    alpha: bool,
     /// Frames a second.
     rate: f64,
     /// Frames that were read.
@@ -44,30 +42,60 @@ pub struct Ffmpeg {
 }
 
 impl Ffmpeg {
-    /// Starts `program` on a clip; `codec` says what the clip is, for the error.
+    /// Starts `program` on a clip, each frame of which comes once; `codec` says what the clip is, for the error.
     ///
     /// # Errors
     /// If there is no such program, or it cannot decode the clip.
-    pub fn start(program: &Path, clip: &Path, codec: &str, pace: Pace) -> Result<Self> {
-        let mut command = command(program, clip)?;
-        if pace == Pace::Own {
-            command.args(each_once(program));
+    pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
+        let [option, value] = each_once(program);
+        Self::run(command(program, clip, None)?, codec, &[option, value, "-pix_fmt", "yuv420p"], false)
+    }
+
+    /// Starts `program` on a clip that may have an alpha channel. As many frames come a second as the clip has on average: ffmpeg repeats and
+    /// leaves out frames of a clip without a fixed rate, so that they come in their time.
+    ///
+    /// # Errors
+    /// If there is no such program, or it cannot decode the clip.
+    pub fn start_with_alpha(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
+        let decoder = matroska::alpha_decoder(&head(clip)?);
+        let run = |filter: &str| {
+            let started = Self::run(command(program, clip, decoder)?, codec, &["-vf", filter], true);
+            started.map_err(|error| match decoder {
+                Some(name) if error.message().contains("Unknown decoder") => Error::new(format!(
+                    "it has an alpha channel, which ffmpeg reads with {name} alone, and this ffmpeg was built without it; install one \
+                     that has it"
+                )),
+                _ => error,
+            })
+        };
+        let decoded = run(FORMATS_OF_FRAMES)?;
+        match decoded.alpha {
+            // The colours of a clip with alpha are not keyed, so they have to be those that its maker saw.
+            true => {
+                drop(decoded);
+                run(&format!("scale=out_color_matrix=bt601:out_range=tv,{FORMATS_OF_FRAMES}"))
+            }
+            false => Ok(decoded),
         }
-        command.args(["-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
+    }
+
+    fn run(mut command: Command, codec: &str, options: &[&str], accepts_alpha: bool) -> Result<Self> {
+        command.args(options).args(["-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
         let (process, output) = Process::start(command).map_err(|error| not_started(&error, codec))?;
-        let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0, count: 0 };
-        let header = decoder.line()?;
+        let mut running =
+            Self { process, output, width: 0, height: 0, accepts_alpha, alpha: false, rate: 0.0, count: 0 };
+        let header = running.line()?;
         if header.is_empty() {
-            return Err(decoder.failure());
+            return Err(running.failure());
         }
-        decoder.read_header(&header).ok_or_else(|| {
+        running.read_header(&header).ok_or_else(|| {
             Error::new(format!(
                 "ffmpeg cannot decode it whole: its output begins with `{}`, which are not frames in the requested format",
                 header.chars().take(100).collect::<String>().escape_debug()
             ))
         })?;
-        check_size(decoder.width as u32, decoder.height as u32)?;
-        Ok(decoder)
+        check_size(running.width as u32, running.height as u32)?;
+        Ok(running)
     }
 
     fn line(&mut self) -> Result<String> {
@@ -85,6 +113,7 @@ impl Ffmpeg {
                     let (frames, seconds) = rate.split_once(':')?;
                     self.rate = frames.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
                 }
+                ("C", "444alpha") if self.accepts_alpha => self.alpha = true,
                 ("C", chroma)
                     if !chroma.starts_with("420") || chroma.starts_with("420p") && chroma != "420paldv" =>
                 {
@@ -102,11 +131,43 @@ impl Ffmpeg {
         because(&self.process.finish().1)
     }
 
-    /// Reads the next frame; false at the end.
+    /// The frames' width and height.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Whether frames have an alpha channel, and are read by [`Self::next_with_alpha`].
+    pub fn has_alpha(&self) -> bool {
+        self.alpha
+    }
+
+    /// Reads the next frame of a clip without alpha; false at the end.
     ///
     /// # Errors
     /// If the clip is damaged or cut off.
     pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
+        if !self.begin_frame()? {
+            return Ok(false);
+        }
+        into.reset(self.width, self.height);
+        self.fill(&mut into.data)
+    }
+
+    /// Reads the next frame of a clip with alpha; false at the end. It comes as four planes of its size: luma, blue and red chroma as
+    /// video has them, and alpha.
+    ///
+    /// # Errors
+    /// If the clip is damaged or cut off.
+    pub fn next_with_alpha(&mut self, planes: &mut Vec<u8>) -> Result<bool> {
+        if !self.begin_frame()? {
+            return Ok(false);
+        }
+        planes.resize(4 * self.width * self.height, 0);
+        self.fill(planes)
+    }
+
+    /// Reads the line before a frame; false at the end.
+    fn begin_frame(&mut self) -> Result<bool> {
         let line = self.line()?;
         if line.is_empty() {
             // It ends well where a file was cut off, but says so.
@@ -119,8 +180,11 @@ impl Ffmpeg {
             ));
         }
         self.count += 1;
-        into.reset(self.width, self.height);
-        match self.output.read_exact(&mut into.data) {
+        Ok(true)
+    }
+
+    fn fill(&mut self, data: &mut [u8]) -> Result<bool> {
+        match self.output.read_exact(data) {
             Ok(()) => Ok(true),
             Err(_) => Err(self.failure()),
         }
@@ -132,18 +196,30 @@ impl Ffmpeg {
     }
 }
 
-/// The beginning of a command: how `program` reads a clip.
-fn command(program: &Path, clip: &Path) -> Result<Command> {
+/// The beginning of a command: how `program` reads a clip, with a decoder other than its own.
+fn command(program: &Path, clip: &Path, decoder: Option<&str>) -> Result<Command> {
     // A relative path could start with a dash, or read as a protocol.
     let clip = std::path::absolute(clip)?;
     let mut command = Command::new(program);
     command
         .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
         .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
-        .args(["-max_pixels", &most_pixels()?.to_string(), "-i"])
+        .args(["-max_pixels", &most_pixels()?.to_string()])
+        .args(decoder.iter().flat_map(|decoder| ["-c:v", decoder]))
+        .arg("-i")
         .arg(&clip)
         .args(["-map", "0:v:0"]);
     Ok(command)
+}
+
+/// The beginning of a clip's file.
+fn head(clip: &Path) -> Result<Vec<u8>> {
+    let mut head = Vec::new();
+    // A clip that is not there is for ffmpeg to report.
+    if let Ok((file, _)) = pdk_sdk::file::open(clip) {
+        file.take(matroska::HEAD).read_to_end(&mut head)?;
+    }
+    Ok(head)
 }
 
 /// The option by which ffmpeg gives each frame once; it has another name since version 5.1.
@@ -175,7 +251,7 @@ fn not_started(error: &std::io::Error, codec: &str) -> Error {
 /// # Errors
 /// If there is no such program, or it cannot decode the video.
 pub fn times(program: &Path, video: &Path, codec: &str) -> Result<Vec<f64>> {
-    let mut command = command(program, video)?;
+    let mut command = command(program, video, None)?;
     command.args(each_once(program));
     // Times as the file has them, and not in frames of a rate.
     command.args(["-enc_time_base", "-1", "-c:v", "rawvideo", "-f", "framecrc", "-"]);
@@ -237,12 +313,7 @@ mod tests {
 
     fn start(script: &str) -> Result<Ffmpeg> {
         let folder = tempfile::tempdir().unwrap();
-        Ffmpeg::start(
-            &program(folder.path(), script),
-            Path::new("clip.mkv"),
-            "Matroska or WebM",
-            Pace::Steady,
-        )
+        Ffmpeg::start_with_alpha(&program(folder.path(), script), Path::new("clip.mkv"), "Matroska or WebM")
     }
 
     fn message(result: Result<Ffmpeg>) -> String {
@@ -272,11 +343,10 @@ mod tests {
             "ffmpeg cannot decode it whole: clip.mkv: Invalid data found"
         );
         let folder = tempfile::tempdir().unwrap();
-        let absent = Ffmpeg::start(
+        let absent = Ffmpeg::start_with_alpha(
             &folder.path().join("ffmpeg"),
             Path::new("clip.mkv"),
             "Matroska or WebM",
-            Pace::Steady,
         );
         assert_eq!(
             message(absent),
@@ -336,7 +406,7 @@ mod tests {
             let path = program(folder.path(), &format!("echo $$ > '{}'; {script}", number.display()));
             let said = within(20, move || {
                 let read = |frames: &mut Ffmpeg| frames.next(&mut Yuv420::default());
-                let ended = Ffmpeg::start(&path, Path::new("clip.mkv"), "x", Pace::Steady)
+                let ended = Ffmpeg::start_with_alpha(&path, Path::new("clip.mkv"), "x")
                     .and_then(|mut frames| read(&mut frames));
                 ended.err().map_or_else(String::new, |error| error.to_string())
             });
@@ -350,7 +420,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let told = folder.path().join("told");
         let path = program(folder.path(), &format!("printf '%s\\n' \"$@\" > '{}'", told.display()));
-        message(Ffmpeg::start(&path, Path::new("http:clip.mkv"), "Matroska or WebM", Pace::Steady));
+        message(Ffmpeg::start_with_alpha(&path, Path::new("http:clip.mkv"), "Matroska or WebM"));
         let told = std::fs::read_to_string(told).unwrap();
         let told: Vec<&str> = told.lines().collect();
         let input = told.iter().position(|argument| *argument == "-i").unwrap();
@@ -390,7 +460,7 @@ mod tests {
         for name in ["clip.mkv", "clip.avi", "clip.nut"] {
             let clip = folder.path().join(name);
             make(&ffmpeg, "64x48", "ffv1", &clip);
-            let mut frames = Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady).unwrap();
+            let mut frames = Ffmpeg::start_with_alpha(&ffmpeg, &clip, "a test").unwrap();
             let (mut picture, mut count) = (Yuv420::default(), 0);
             while frames.next(&mut picture).unwrap() {
                 count += 1;
@@ -401,13 +471,25 @@ mod tests {
         make(&ffmpeg, "40000x40", "ffv1", &clip);
         let said = within(20, {
             let ffmpeg = ffmpeg.clone();
-            move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady))
+            move || message(Ffmpeg::start_with_alpha(&ffmpeg, &clip, "a test"))
         });
         assert!(said.starts_with("it is 40000 x 40, and pictures may have"), "{said}");
         let clip = folder.path().join("large.mkv");
         make(&ffmpeg, "8192x8208", "ffv1", &clip);
-        let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady)));
+        let said = within(20, move || message(Ffmpeg::start_with_alpha(&ffmpeg, &clip, "a test")));
         assert!(said.starts_with("ffmpeg cannot decode it whole: "), "{said}");
+    }
+
+    #[test]
+    fn alpha_comes_through_the_pipe_if_it_is_asked_for() {
+        let script = r"printf 'YUV4MPEG2 W2 H1 F30:1 C444alpha\nFRAME\n\221\020\066\200\042\200\200\377'";
+        let folder = tempfile::tempdir().unwrap();
+        let program = program(folder.path(), script);
+        let mut frames = Ffmpeg::start_with_alpha(&program, Path::new("clip.mkv"), "a test").unwrap();
+        let mut planes = Vec::new();
+        assert!(frames.has_alpha() && frames.next_with_alpha(&mut planes).unwrap());
+        assert_eq!((frames.size(), planes.as_slice()), ((2, 1), &b"\x91\x10\x36\x80\x22\x80\x80\xff"[..]));
+        assert!(!frames.next_with_alpha(&mut planes).unwrap());
     }
 
     #[test]
@@ -426,7 +508,7 @@ mod tests {
             let clip = folder.path().join(name);
             std::fs::write(&clip, list).unwrap();
             let ffmpeg = ffmpeg.clone();
-            let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady)));
+            let said = within(20, move || message(Ffmpeg::start_with_alpha(&ffmpeg, &clip, "a test")));
             assert!(said.contains("whitelist"), "{name}: {said}");
         }
     }

@@ -12,6 +12,7 @@ mod convert;
 mod ffmpeg;
 mod fragments;
 mod index;
+mod matroska;
 mod process;
 mod reader;
 #[cfg(test)]
@@ -30,7 +31,7 @@ pub mod mp4 {
 
 pub use assembly::has_assembly;
 pub use convert::Yuv420;
-pub use ffmpeg::{Ffmpeg, Pace};
+pub use ffmpeg::Ffmpeg;
 pub use reader::{Container, Input, Opened, Reader, container};
 pub use stream::{Stream, begins_anew};
 pub use timing::Timing;

@@ -7,7 +7,7 @@ use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
-use crate::ffmpeg::{Ffmpeg, Pace, times};
+use crate::ffmpeg::{Ffmpeg, times};
 use crate::reader::{Container, Opened, Reader, container};
 
 /// The frames of a video in the order in which they are shown, each with its time.
@@ -126,7 +126,7 @@ impl Other {
         }
         // It cannot go back, so it begins anew.
         if self.next > self.wanted || self.running.is_none() {
-            let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), &self.path, &self.codec, Pace::Own)?;
+            let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), &self.path, &self.codec)?;
             (self.running, self.next) = (Some(ffmpeg), 0);
         }
         while let Some(ffmpeg) = &mut self.running {

@@ -66,9 +66,13 @@ class Worker:
         """Does a job: returns the lines that the worker says, up to `done` or `failed`, and the bytes of the trace, where it was to
         write one."""
         job, trace = json.loads(job), None
-        for steps, told in files:
-            _put(job, steps, self._place(told, blobs))
         drive = job["job"]["work"].get("drive")
+        contents = drive["scenario"].get("files", {}) if drive else {}
+        for steps, told in files:
+            placed = self._place(told, blobs)
+            named = _put(job, steps, placed)
+            if named in contents:
+                contents[placed] = contents.pop(named)
         if drive and drive.get("trace") and not self._shared:
             trace = Path(self._traces.name) / os.path.basename(drive["trace"])
             drive["trace"] = str(trace)
@@ -96,7 +100,8 @@ class Worker:
 
 
 def _put(value, steps, replaced):
-    """Replaces a value within a value."""
+    """Replaces a value within a value, and returns it."""
     for step in steps[:-1]:
         value = value[step]
-    value[steps[-1]] = replaced
+    former, value[steps[-1]] = value[steps[-1]], replaced
+    return former

@@ -54,6 +54,80 @@ fn a_script_of_pdk_may_lie_beside_a_pipeline_and_a_changed_copy_is_reported() {
 }
 
 #[test]
+fn pipelines_that_lie_beside_are_not_run() {
+    let folder = temp();
+    let write = |name: &str, source: &str| std::fs::write(folder.path().join(name), source).unwrap();
+    write("neighbour.lua", "print('the neighbour runs') pdk.settings({})");
+    write("endless.lua", "while true do end pdk.drive({})");
+    write("shared.lua", "print('the module runs') return { once = function() end }");
+    write("darker.lua", "return { doc = 'Darker', apply = function(image) image:blur(3) end }");
+    write("lost.lua", "local lost = { doc = 'Lost', apply = function(image) image:blur(3) end }");
+    write(
+        "pipeline.lua",
+        "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2, scenarios = { { perturbations = { 'darker@2' } } } })",
+    );
+    let run = Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed();
+    let listed = Pdk::new(["list", "perturbation", "--plugins", "."]).folder(folder.path()).succeed();
+    for said in [&run.stderr, &listed.stderr] {
+        assert!(!said.contains("runs") && !said.contains("more than"), "{said}");
+    }
+    assert!(listed.stdout.contains("darker"), "{}", listed.stdout);
+    // What was meant as a perturbation and is not returned is reported where its folder was named.
+    assert!(
+        listed.stderr.contains("lost.lua: the script returns nothing, but has to return a table"),
+        "{}",
+        listed.stderr
+    );
+}
+
+#[test]
+fn names_that_a_script_misspells_are_corrected() {
+    let folder = temp();
+    let says = |source: &str, expected: &str| {
+        std::fs::write(folder.path().join("pipeline.lua"), source).unwrap();
+        Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).fail(1, &[expected]);
+    };
+    says("pdk.drve({})", "pipeline.lua:1: pdk has no function `drve`; did you mean `drive`?");
+    let drive = "local outcome = pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2, scenarios = { {} } })[1]";
+    says(
+        &format!("{drive} print(outcome.sucess)"),
+        "an outcome has no field `sucess`; did you mean `success`?",
+    );
+    // A field that says nothing is nil.
+    std::fs::write(
+        folder.path().join("pipeline.lua"),
+        format!("{drive} assert(outcome.error == nil and outcome.cause == 'time_out')"),
+    )
+    .unwrap();
+    Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed();
+    let blurr =
+        check(folder.path(), "blurr.lua", "return { doc = 'x', apply = function(image) image:blurr(3) end }");
+    assert!(
+        blurr.stdout.contains("blurr.lua:1: image has no method or field `blurr`; did you mean `blur`?"),
+        "{}",
+        blurr.stdout
+    );
+}
+
+#[test]
+fn a_pipeline_draws_the_same_numbers_everywhere() {
+    let folder = temp();
+    let drawn = |source: &str, seed: &str| {
+        std::fs::write(folder.path().join("pipeline.lua"), source).unwrap();
+        let run = Pdk::new(["run", "pipeline.lua", "--seed", seed]).folder(folder.path()).succeed();
+        run.stderr.lines().next().unwrap().to_owned()
+    };
+    let source = "local random, list = pdk.random(7), { 'a', 'b', 'c', 'd', 'e' } random:shuffle(list) \
+                  print(random:unit(), random:integer(1, 100), random:uniform(2, 4), random:normal(), random:choice(list), table.concat(list))";
+    let first = drawn(source, "0");
+    assert_eq!(first, drawn(source, "5"), "its seed is its own");
+    assert_eq!(first, "0.0023851111393098368\t75\t2.618584614299253\t0.1869738765578938\td\tcdaeb");
+    assert_ne!(drawn("print(pdk.random():unit())", "0"), drawn("print(pdk.random():unit())", "5"));
+    std::fs::write(folder.path().join("pipeline.lua"), "pdk.random(-1)").unwrap();
+    Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).fail(1, &["pdk.random: `-1` is not a seed"]);
+}
+
+#[test]
 fn what_is_kept_from_frame_to_frame_is_found_and_named() {
     let folder = temp();
     let fails = |source: &str, expected: &str| {

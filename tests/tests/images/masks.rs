@@ -43,6 +43,18 @@ fn a_mask_in_lua_limits_a_perturbation() {
     assert_eq!(found.iter().position(|changed| *changed), Some(320 * 80));
     assert!(found[320 * 80..].iter().filter(|changed| **changed).count() > 320 * 70);
 
+    // By its path, and without a folder of plugins.
+    let image = folder.path().join("road.png");
+    let perturb = |with: &str| {
+        Pdk::new(["perturb", "road.png", "-o", "by_path.png", "--with", with]).folder(folder.path())
+    };
+    perturb(r#"false_color_filter@3,where={"mask":"lower_half.lua"}"#).succeed();
+    let [by_name, by_path] =
+        ["out.png", "by_path.png"].map(|name| image::open(image.with_file_name(name)).unwrap());
+    assert_eq!(by_name, by_path);
+    perturb(r#"contrast@3,where={"mask":"lower_haft.lua"}"#)
+        .fail(1, &["mask `lower_haft.lua`: there is no such file"]);
+
     fs::write(folder.path().join("broken.lua"), "return { doc = 'x', mask = function(image) return 3 end }")
         .unwrap();
     let perturb = |with: &str| {

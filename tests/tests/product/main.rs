@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod cli;
+mod commands;
 mod documents;
 mod english;
 mod found;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod inputs;
+mod moved;
 mod received;
 mod replay;
 mod report;

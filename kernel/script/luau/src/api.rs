@@ -5,6 +5,8 @@
 
 use mlua::{Function, Lua, UserDataRegistry};
 
+use crate::unknown::{refuse_unknown, strict};
+
 /// A function in a global table.
 pub struct ApiFunction {
     /// Its name in the table.
@@ -37,6 +39,8 @@ impl ApiTable {
         for function in self.functions {
             table.raw_set(function.name, (function.make)(lua)?)?;
         }
+        let known = self.functions.iter().map(|function| function.name.to_owned()).collect();
+        table.set_metatable(Some(strict(lua, self.name, "function", known)?))?;
         lua.globals().set(self.name, table)
     }
 }
@@ -86,6 +90,13 @@ impl<T: 'static> ApiClass<T> {
         for method in self.methods {
             (method.add)(registry, method.name);
         }
+    }
+
+    /// Refuses methods that are not listed, with what was probably meant. It takes the methods of a class without values a little longer.
+    pub fn refuse_unknown(&self, registry: &mut UserDataRegistry<T>, owner: &'static str) {
+        let values = self.properties.iter().map(|property| property.name);
+        let known = values.chain(self.methods.iter().map(|method| method.name)).map(str::to_owned).collect();
+        refuse_unknown(registry, owner, known);
     }
 }
 

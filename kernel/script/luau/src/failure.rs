@@ -35,6 +35,10 @@ pub(super) unsafe fn record_location(state: *mut ffi::lua_State) {
             if info.currentline > 0 {
                 // SAFETY: Lua set it to a text that ends in zero and lives as long as `info`.
                 let source = unsafe { CStr::from_ptr(info.short_src) };
+                // The binding looks up fields in Lua, on behalf of the script's line.
+                if source.to_bytes().starts_with(b"__mlua") {
+                    continue;
+                }
                 location.push_str(&source.to_string_lossy());
                 location.push(':');
                 location.push_str(&info.currentline.to_string());

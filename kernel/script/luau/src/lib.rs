@@ -14,15 +14,18 @@
 //! | [`modules`] | `require`, for pipelines; `places` finds the files |
 //! | `failure` | turns whatever a script raises into one sentence |
 //! | `arithmetic` | mathematical functions that give the same bits everywhere |
+//! | `tokens` | the text of a script without comments |
 //! | `power` | refuses the uses of `^` that would not |
 //! | [`api`] | how functions and classes are registered |
 //! | [`types`] | the type definition file, written from what is registered |
+//! | [`unknown`] | names that are not there |
 //! | `arguments` | the arguments of host functions, checked |
 //! | `buffers` | the bytes of Luau's buffers, in place |
 //! | [`image`] | the image a script edits, and the operations on it |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
 //! | `points` | how a perturbation in a script moves points |
+//! | `glance` | what a script is by its text, without running it |
 //! | `absent` | what pipelines have and perturbations do not |
 //! | [`perturbation`] | a script as a perturbation |
 //! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
@@ -37,6 +40,7 @@ mod buffers;
 mod chunk;
 pub mod declaration;
 mod failure;
+mod glance;
 pub mod image;
 pub mod kept;
 pub mod limits;
@@ -48,7 +52,9 @@ mod power;
 pub mod random;
 pub mod sandbox;
 pub mod scripts;
+mod tokens;
 pub mod types;
+pub mod unknown;
 mod watchdog;
 
 pub use api::{ApiClass, ApiField, ApiFunction, ApiMethod, ApiProperty, ApiRecord, ApiTable};

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
 use pdk_components::registry::Script;
-use pdk_components::suggest;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, Place, Result};
@@ -22,12 +21,14 @@ use crate::absent::{self, Reached};
 use crate::chunk::LARGEST_SCRIPT;
 use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
 use crate::failure::type_of;
+use crate::glance::{Glance, glance};
 use crate::image::{ImageClass, LuaImage};
 use crate::limits::Limits;
 use crate::points::Points;
 use crate::random::{LuaRandom, RANDOM};
 use crate::sandbox::Sandbox;
 use crate::types::Declare;
+use crate::unknown;
 
 /// What the script of a perturbation sees besides Luau's own library, in the order of the type definition file.
 pub fn perturbation_api() -> Vec<&'static dyn Declare> {
@@ -68,6 +69,19 @@ impl<'a> Source<'a> {
         let text = file::read(path, 16 * LARGEST_SCRIPT as u64).place(path.display())?;
         let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         Ok(Self { script: path.display().to_string(), text: Cow::Owned(text), stem })
+    }
+
+    /// What it is by its text.
+    pub(crate) fn glance(&self) -> Glance {
+        glance(&self.text)
+    }
+
+    /// The error of one that has what a component has, and returns nothing.
+    pub(crate) fn without_return(&self) -> Error {
+        match declaration::read(&Value::Nil, self.stem) {
+            Err(error) => error.at(&self.script),
+            Ok(_) => unreachable!("nothing is not a table"),
+        }
     }
 }
 
@@ -376,37 +390,18 @@ impl ScriptContext {
 
 /// A metatable that refuses names which are not there: a misspelt parameter, or something left for the next frame.
 fn strict(lua: &Lua, names: Vec<String>) -> mlua::Result<Table> {
-    let metatable = lua.create_table()?;
-    metatable.raw_set(
-        "__index",
-        lua.create_function(move |_, (_, name): (Value, Value)| -> mlua::Result<Value> {
-            let wanted = match &name {
-                Value::String(name) => name.to_string_lossy(),
-                _ => String::new(),
-            };
-            let remedy = suggest::hint(&wanted, names.iter().map(String::as_str));
-            Err(mlua::Error::runtime(format!("cx has no field {}; {remedy}", text(&name))))
-        })?,
-    )?;
+    let metatable = unknown::strict(lua, "cx", "field", names)?;
     metatable.raw_set(
         "__newindex",
         lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
             Err(mlua::Error::runtime(format!(
                 "cx has no field {} and gets none, because a frame must not depend on those before it; use a local variable",
-                text(&name)
+                unknown::shown(&name)
             )))
         })?,
     )?;
-    metatable.raw_set("__metatable", false)?;
     metatable.set_readonly(true);
     Ok(metatable)
-}
-
-fn text(name: &Value) -> String {
-    match name {
-        Value::String(name) => format!("`{}`", name.to_string_lossy()),
-        other => format!("for {}", type_of(other)),
-    }
 }
 
 #[cfg(test)]

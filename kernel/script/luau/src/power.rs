@@ -6,146 +6,33 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use crate::tokens::{Token, Tokens};
+
 /// Checks a script.
 ///
 /// # Errors
 /// Names the first line with a use of `^` whose exponent is not 2, 3 or 0.5.
 pub(super) fn check(script: &str, source: &[u8]) -> Result<()> {
-    let mut scanner = Scanner { source, at: 0, line: 1 };
-    // One entry per open brace: whether it is the brace of an expression inside of a `text {expression}`.
-    let mut braces = Vec::new();
-    while let Some(byte) = scanner.next() {
-        match byte {
-            b'-' if scanner.peek() == Some(b'-') => {
-                scanner.at += 1;
-                match scanner.long_bracket() {
-                    Some(level) => scanner.skip_long(level),
-                    None => scanner.skip_line(),
-                }
-            }
-            b'[' => {
-                scanner.at -= 1;
-                match scanner.long_bracket() {
-                    Some(level) => scanner.skip_long(level),
-                    None => scanner.at += 1,
-                }
-            }
-            b'"' | b'\'' => scanner.skip_text(byte),
-            b'{' => braces.push(false),
-            b'`' | b'}' => {
-                // A text begins, or goes on behind an expression.
-                let text = byte == b'`' || braces.pop() == Some(true);
-                if text && scanner.skip_interpolated() {
-                    braces.push(true);
-                }
-            }
-            b'^' => {
-                let line = scanner.line;
-                if !scanner.exact_exponent() {
-                    return Err(Error::new(format!(
-                        "{script}:{line}: `^` takes the exponents 2, 3 and 0.5 only, because with others its result \
-                         depends on the machine; write math.pow(x, y)"
-                    )));
-                }
-            }
-            _ => {}
+    let mut tokens = Tokens::new(source);
+    while let Some(token) = tokens.next() {
+        if matches!(token, Token::Sign(b'^')) && !is_exact(tokens.rest()) {
+            return Err(Error::new(format!(
+                "{script}:{}: `^` takes the exponents 2, 3 and 0.5 only, because with others its result depends on the machine; \
+                 write math.pow(x, y)",
+                tokens.line()
+            )));
         }
     }
     Ok(())
 }
 
-struct Scanner<'a> {
-    source: &'a [u8],
-    at: usize,
-    line: usize,
-}
-
-impl Scanner<'_> {
-    fn peek(&self) -> Option<u8> {
-        self.source.get(self.at).copied()
-    }
-
-    fn next(&mut self) -> Option<u8> {
-        let byte = self.peek()?;
-        self.at += 1;
-        self.line += usize::from(byte == b'\n');
-        Some(byte)
-    }
-
-    fn skip_line(&mut self) {
-        while self.peek().is_some_and(|byte| byte != b'\n') {
-            self.at += 1;
-        }
-    }
-
-    /// Reads `[[`, `[=[`, `[==[`, ... and returns the number of equals signs; stays where it is at anything else.
-    fn long_bracket(&mut self) -> Option<usize> {
-        let rest = self.source.get(self.at..)?.strip_prefix(b"[")?;
-        let level = rest.iter().take_while(|&&byte| byte == b'=').count();
-        (rest.get(level) == Some(&b'[')).then(|| {
-            self.at += level + 2;
-            level
-        })
-    }
-
-    fn skip_long(&mut self, level: usize) {
-        while let Some(byte) = self.next() {
-            let rest = &self.source[self.at..];
-            if byte == b']'
-                && rest.len() > level
-                && rest[..level].iter().all(|&byte| byte == b'=')
-                && rest[level] == b']'
-            {
-                self.at += level + 1;
-                return;
-            }
-        }
-    }
-
-    fn skip_text(&mut self, quote: u8) {
-        while let Some(byte) = self.next() {
-            match byte {
-                b'\\' => {
-                    self.next();
-                }
-                b'\n' => return, // Not closed; the compiler says so.
-                byte if byte == quote => return,
-                _ => {}
-            }
-        }
-    }
-
-    /// Skips to the end of an interpolated text, or behind the brace where an expression begins: then it is true.
-    fn skip_interpolated(&mut self) -> bool {
-        while let Some(byte) = self.next() {
-            match byte {
-                b'\\' => {
-                    self.next();
-                }
-                b'{' => return true,
-                b'`' => return false,
-                _ => {}
-            }
-        }
-        false
-    }
-
-    /// Whether what follows is 2, 3 or 0.5 and nothing that makes it another exponent.
-    fn exact_exponent(&mut self) -> bool {
-        while self.peek().is_some_and(|byte| byte.is_ascii_whitespace()) {
-            self.next();
-        }
-        let start = self.at;
-        while self.peek().is_some_and(|byte| byte.is_ascii_alphanumeric() || byte == b'.' || byte == b'_') {
-            self.at += 1;
-        }
-        let exact = matches!(&self.source[start..self.at], b"2" | b"3" | b"0.5");
-        while self.peek().is_some_and(|byte| byte.is_ascii_whitespace()) {
-            self.next();
-        }
-        // `x ^ 2 ^ y` is `x ^ (2 ^ y)`.
-        exact && self.peek() != Some(b'^')
-    }
+/// Whether what follows is 2, 3 or 0.5 and nothing that makes it another exponent.
+fn is_exact(rest: &[u8]) -> bool {
+    let rest = rest.trim_ascii_start();
+    let is_of_number = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_');
+    let (number, rest) = rest.split_at(rest.iter().take_while(|byte| is_of_number(byte)).count());
+    // `x ^ 2 ^ y` is `x ^ (2 ^ y)`.
+    matches!(number, b"2" | b"3" | b"0.5") && !rest.trim_ascii_start().starts_with(b"^")
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The random numbers a script draws: the same streams, from the same keys, as those of a plugin.
 
-use mlua::{UserData, UserDataMethods, UserDataRegistry, Value};
+use mlua::{Table, UserData, UserDataMethods, UserDataRegistry, Value};
 use pdk_sdk::seed::Random;
 
 use crate::api::{ApiClass, ApiMethod};
@@ -13,7 +13,8 @@ pub struct LuaRandom(pub Random);
 /// What a script can do with a stream of random numbers.
 pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
     name: "Random",
-    doc: "A stream of random numbers. It depends on the run's seed alone and starts anew with every frame.",
+    doc: "A stream of random numbers. It depends on the seed alone, so it is the same on every machine. Those of a perturbation start \
+          anew with every frame.",
     properties: &[],
     methods: &[
         ApiMethod {
@@ -51,6 +52,33 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
             add: |class, name| class.add_method_mut(name, |_, this, ()| Ok(this.0.normal())),
         },
         ApiMethod {
+            name: "choice",
+            signature: "(list: { any }) -> any",
+            doc: "One of the values of a list, each as likely as the others.",
+            add: |class, name| {
+                class.add_method_mut(name, |_, this, list: Value| {
+                    let list = filled("random:choice", &list)?;
+                    let place = this.0.below(count("random:choice", &list)?);
+                    list.raw_get::<Value>(place + 1)
+                });
+            },
+        },
+        ApiMethod {
+            name: "shuffle",
+            signature: "(list: { any }) -> ()",
+            doc: "Puts the values of a list in another order, each as likely as the others.",
+            add: |class, name| {
+                class.add_method_mut(name, |_, this, list: Value| {
+                    let list = filled("random:shuffle", &list)?;
+                    count("random:shuffle", &list)?;
+                    let mut values = list.sequence_values().collect::<mlua::Result<Vec<Value>>>()?;
+                    this.0.shuffle(&mut values);
+                    // A list that may not be changed is an error of its own.
+                    values.into_iter().enumerate().try_for_each(|(place, value)| list.set(place + 1, value))
+                });
+            },
+        },
+        ApiMethod {
             name: "fill_unit",
             signature: "(numbers: buffer) -> ()",
             doc: "Fills a buffer with what `unit` would draw, 8 bytes each, to be read with buffer.readf64.",
@@ -79,6 +107,25 @@ impl UserData for LuaRandom {
     }
 }
 
+/// A list with at least one value.
+fn filled(call: &str, list: &Value) -> mlua::Result<Table> {
+    match list {
+        Value::Table(list) if list.raw_len() > 0 => Ok(list.clone()),
+        Value::Table(_) => {
+            Err(mlua::Error::runtime(format!("{call} needs a list, but the table has no values in order")))
+        }
+        other => Err(wrong(call, "list", "a list", other)),
+    }
+}
+
+/// How many values a list has.
+fn count(call: &str, list: &Table) -> mlua::Result<u32> {
+    let length = list.raw_len();
+    u32::try_from(length).map_err(|_| {
+        mlua::Error::runtime(format!("{call} takes a list of at most {} values, not {length}", u32::MAX))
+    })
+}
+
 fn fill(lua: &mlua::Lua, numbers: &Value, call: &str, mut draw: impl FnMut() -> f64) -> mlua::Result<()> {
     let Value::Buffer(numbers) = numbers else {
         return Err(wrong(call, "numbers", "a buffer", numbers));
@@ -96,4 +143,65 @@ fn fill(lua: &mlua::Lua, numbers: &Value, call: &str, mut draw: impl FnMut() -> 
         number.copy_from_slice(&draw().to_le_bytes());
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::Limits;
+    use crate::sandbox::Sandbox;
+
+    /// What a script returns that draws from `random`.
+    fn drawn(script: &str) -> String {
+        let sandbox = Sandbox::new(Limits::default()).unwrap();
+        let random =
+            sandbox.lua().create_userdata(LuaRandom(pdk_sdk::seed::key(7, "test", 0).sequence())).unwrap();
+        let script = format!("local random = ... {script}");
+        let chunk = sandbox.load("s.lua", script.as_bytes()).unwrap();
+        match sandbox.call("s.lua", &chunk, random) {
+            Ok(value) => value.to_string().unwrap(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_choice_is_one_of_the_values_and_none_is_left_out() {
+        let script = "local counts = { 0, 0, 0 }
+            for _ = 1, 3000 do local c = random:choice({ 1, 2, 3 }) counts[c] += 1 end
+            return counts[1] .. ' ' .. counts[2] .. ' ' .. counts[3]";
+        let text = drawn(script);
+        let counts: Vec<u32> = text.split(' ').map(|count| count.parse().unwrap()).collect();
+        assert!(
+            counts.iter().sum::<u32>() == 3000 && counts.iter().all(|count| (900..1100).contains(count)),
+            "{text}"
+        );
+        assert_eq!(drawn(script), text);
+    }
+
+    #[test]
+    fn a_shuffled_list_has_the_same_values() {
+        let text = drawn(
+            "local list = {} for i = 1, 50 do list[i] = i end random:shuffle(list)
+            local order = table.concat(list, ' ') table.sort(list) return order .. '|' .. table.concat(list, ' ')",
+        );
+        let (order, sorted) = text.split_once('|').unwrap();
+        let numbers: Vec<String> = (1..=50).map(|number| number.to_string()).collect();
+        assert_eq!(sorted, numbers.join(" "));
+        assert_ne!(order, sorted);
+    }
+
+    #[test]
+    fn what_is_not_a_list_with_values_is_refused() {
+        for (script, said) in [
+            ("random:choice({})", "random:choice needs a list, but the table has no values in order"),
+            (
+                "random:shuffle({ a = 1 })",
+                "random:shuffle needs a list, but the table has no values in order",
+            ),
+            ("random:choice(3)", "random:choice needs `list` to be a list, but it is a number"),
+            ("random:shuffle(table.freeze({ 1, 2 }))", "attempt to modify a readonly table"),
+        ] {
+            assert!(drawn(script).contains(said), "{script}: {}", drawn(script));
+        }
+    }
 }

@@ -9,6 +9,7 @@ use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::Result;
 
+use crate::glance::Glance;
 use crate::perturbation::{self, Returned, Source};
 
 /// The folders of this name hold perturbations and nothing else.
@@ -17,7 +18,8 @@ const FOLDER: &str = "perturbations";
 /// Makes components from Lua files.
 ///
 /// A table with `apply` or a text `doc` is a perturbation, one with `mask` a mask, wherever it lies. In a folder named `perturbations`, or where the user named the very
-/// file, everything else is a mistake. Elsewhere a script may also be a pipeline, or a module that a pipeline requires.
+/// file, everything else is a mistake. Elsewhere a script may also be a pipeline, or a module that a pipeline requires: these are told by their
+/// texts and not run.
 #[derive(Debug, Clone, Default)]
 pub struct LuaScripts {
     /// The files that the user named.
@@ -51,8 +53,12 @@ impl Scripts for LuaScripts {
         if is_meant {
             return perturbation::description(&source).map(Some);
         }
+        if source.glance() != Glance::Component {
+            return Ok(None);
+        }
         match perturbation::look_at(&source)? {
             Returned::Perturbation(declaration) => Ok(Some(declaration.description)),
+            Returned::Other(mlua::Value::Nil) => Err(source.without_return()),
             Returned::Pipeline | Returned::Other(_) => Ok(None),
         }
     }

@@ -2,11 +2,11 @@
 
 use mlua::{ExternalError, Lua, Value as LuaValue};
 use pdk_lua::types::{Declare, definitions};
-use pdk_lua::{ApiFunction, ApiTable, perturbation_api};
+use pdk_lua::{ApiFunction, ApiTable, LuaRandom, perturbation_api};
 use pdk_sdk::error::Error;
 use serde_json::Value;
 
-use crate::bridge::{call, frames_of, function, with_host};
+use crate::bridge::{call, frames_of, function, outcomes, with_host};
 use crate::scored::{conduct, score_of};
 use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
@@ -35,7 +35,7 @@ pub const API: ApiTable = ApiTable {
                 lua.create_function(|lua, request: LuaValue| {
                     let request = frame_by_frame(lua, &request)?;
                     let request = from_lua(&request, "pdk.drive").map_err(ExternalError::into_lua_err)?;
-                    call(lua, |host| host.drive(request))
+                    outcomes(lua, |host| host.drive(request))
                 })
             },
         },
@@ -113,6 +113,19 @@ pub const API: ApiTable = ApiTable {
             doc: "Makes a road from angles, at random, or with a number of turns and a mean curvature. An error says where \
                   the road would leave the map of 250 x 250 m or cross itself.",
             make: |lua| function(lua, "pdk.road", |host, [request]| host.road(request)),
+        },
+        ApiFunction {
+            name: "random",
+            signature: "(seed: number?) -> Random",
+            doc: "A stream of random numbers, the same for the same seed on every machine. Without a seed it follows from that of the run. Each \
+                  call begins the stream anew.",
+            make: |lua| {
+                lua.create_function(|lua, seed: LuaValue| {
+                    let seed = from_lua(&seed, "pdk.random").map_err(ExternalError::into_lua_err)?;
+                    let key = with_host(lua, |host| host.random(&seed))?;
+                    lua.create_userdata(LuaRandom(key.sequence()))
+                })
+            },
         },
         statistics::FAILED_SHARE,
         statistics::MEAN,

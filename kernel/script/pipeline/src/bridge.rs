@@ -1,6 +1,7 @@
 //! How a script reaches the host: values cross as JSON, and the time that the host takes is not the script's.
 
 use mlua::{ExternalError, Function, Lua, MultiValue, Table, Value as LuaValue};
+use pdk_lua::unknown::strict;
 use pdk_lua::without_clock;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::error::{Error, Result};
@@ -8,6 +9,9 @@ use serde_json::Value;
 
 use crate::host::Host;
 use crate::values::{from_lua, to_lua};
+
+/// Where the metatable of outcomes is kept in a virtual machine.
+const OUTCOME: &str = "pdk outcome";
 
 /// A function of the host as a Lua function: values cross as JSON, and the time it takes is not the script's.
 pub fn function<const N: usize>(
@@ -31,6 +35,40 @@ pub fn function<const N: usize>(
 pub fn call(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::Result<LuaValue> {
     let result = with_host(lua, work)?;
     to_lua(lua, &result)
+}
+
+/// Calls the host, and hands the outcome, or the list of outcomes, that it returns to the script.
+pub fn outcomes(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::Result<LuaValue> {
+    let result = with_host(lua, work)?;
+    outcomes_to_lua(lua, &result)
+}
+
+/// An outcome or a list of them for a script, for which a field that outcomes do not have is an error.
+pub fn outcomes_to_lua(lua: &Lua, result: &Value) -> mlua::Result<LuaValue> {
+    let list = result.as_array().map_or(std::slice::from_ref(result), Vec::as_slice);
+    let value = to_lua(lua, result)?;
+    let (Some(fields), Some(table)) = (list.iter().find_map(Value::as_object), value.as_table()) else {
+        return Ok(value);
+    };
+    let metatable = match lua.named_registry_value::<Option<Table>>(OUTCOME)? {
+        Some(metatable) => metatable,
+        None => {
+            // Also the fields that say nothing, which Lua does not see. The ticket belongs to outcomes of `next` alone.
+            let known = fields.keys().cloned().chain(["ticket".to_owned()]).collect();
+            let metatable = strict(lua, "an outcome", "field", known)?;
+            lua.set_named_registry_value(OUTCOME, &metatable)?;
+            metatable
+        }
+    };
+    match result.is_array() {
+        true => {
+            for row in table.sequence_values::<Table>() {
+                row?.set_metatable(Some(metatable.clone()))?;
+            }
+        }
+        false => table.set_metatable(Some(metatable))?,
+    }
+    Ok(value)
 }
 
 /// Calls the host. The time it takes is not the script's.

@@ -15,8 +15,10 @@ mod tasks;
 use std::path::Path;
 
 use pdk_components::suggest;
+use pdk_model::scenario::parse_seed;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::seed::Key;
 use pdk_session::session::Session;
 use serde_json::{Map, Value};
 
@@ -162,6 +164,18 @@ impl Host {
     /// `pdk.road`: a road for scenarios.
     pub(crate) fn road(&self, request: Value) -> Result<Value> {
         road::make(request, self.setup.common.seed)
+    }
+
+    /// `pdk.random`: the key of a stream of random numbers, from the run's seed if there is no other.
+    ///
+    /// # Errors
+    /// If the seed is not one.
+    pub(crate) fn random(&self, seed: &Value) -> Result<Key> {
+        let seed = match seed {
+            Value::Null => self.setup.common.seed,
+            seed => parse_seed(&seed.to_string()).map_err(|error| error.at("pdk.random"))?,
+        };
+        Ok(pdk_sdk::seed::key(seed, "pdk.random", 0))
     }
 
     /// `pdk.perturbations`: the names of the perturbations, all or those of the default set.

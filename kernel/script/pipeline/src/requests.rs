@@ -1,6 +1,6 @@
 //! What a pipeline writes, as scenarios to drive and evaluations to make.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pdk_model::component::ComponentSpec;
 use pdk_model::failure::FailureCriteria;
@@ -138,7 +138,7 @@ impl Defaults {
     /// # Errors
     /// If a field is unknown, missing, of the wrong type or out of range.
     pub fn submission(&self, place: &str, table: Value) -> Result<Submission> {
-        let own = Scenario::FIELDS.iter().map(|field| field.name);
+        let own = Scenario::FIELDS.iter().filter(|field| !field.luau_type.is_empty()).map(|field| field.name);
         let known: Vec<&str> = own.chain(SHARED.iter().copied()).chain(["name"]).collect();
         let mut fields = Fields::new(place, table, &known)?;
         let perturbations = fields.list("perturbations")?.unwrap_or_default();
@@ -175,6 +175,8 @@ impl Defaults {
             failure: failure.unwrap_or_default(),
             mode,
             repeat,
+            // They are noted when the scenario is submitted.
+            files: BTreeMap::new(),
         };
         let images_every = images_every.unwrap_or(DEFAULT_IMAGES_EVERY);
         Ok(Submission { name: name.unwrap_or_else(|| scenario.default_name()), scenario, images_every })

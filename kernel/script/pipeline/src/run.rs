@@ -8,6 +8,7 @@ use pdk_components::search_path::SearchPath;
 use pdk_components::suggest;
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_notice::eprintln;
+use pdk_record::files::recorded;
 use pdk_record::manifest::{Module, Pipeline};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
@@ -159,7 +160,8 @@ fn stop() -> Option<Error> {
 /// The folders that the command line named, for the manifest.
 fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let search = search.absolute();
-    (search.plugins, search.drop_ins)
+    let recorded = |folders: Vec<PathBuf>| folders.iter().map(|folder| recorded(folder)).collect();
+    (recorded(search.plugins), recorded(search.drop_ins))
 }
 
 /// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.

@@ -3,7 +3,7 @@
 use mlua::{ExternalError, Lua, UserData, UserDataMethods, UserDataRegistry, Value as LuaValue};
 use pdk_lua::{ApiClass, ApiMethod};
 
-use crate::bridge::{call, frames_of, with_host};
+use crate::bridge::{frames_of, outcomes, with_host};
 use crate::levels;
 use crate::requests::Defaults;
 use crate::tickets::Tickets;
@@ -61,7 +61,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             add: |registry, name| {
                 registry.add_method_mut(name, |lua, session, ticket: LuaValue| {
                     let number = from_lua(&ticket, "session:wait").map_err(ExternalError::into_lua_err)?;
-                    call(lua, |host| session.tickets.wait(host, &number))
+                    outcomes(lua, |host| session.tickets.wait(host, &number))
                 });
             },
         },
@@ -71,8 +71,9 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             doc: "Waits for the next outcome, in order of arrival. Returns nil if all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
-                registry
-                    .add_method_mut(name, |lua, session, ()| call(lua, |host| session.tickets.next(host)));
+                registry.add_method_mut(name, |lua, session, ()| {
+                    outcomes(lua, |host| session.tickets.next(host))
+                });
             },
         },
         ApiMethod {
@@ -85,7 +86,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
                         .iter()
                         .map(|scenario| session.submit(lua, scenario))
                         .collect::<mlua::Result<Vec<u64>>>()?;
-                    call(lua, |host| {
+                    outcomes(lua, |host| {
                         tickets.iter().map(|ticket| session.tickets.wait(host, &(*ticket).into())).collect()
                     })
                 });
@@ -105,5 +106,6 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
 impl UserData for SessionObject {
     fn register(registry: &mut UserDataRegistry<Self>) {
         SESSION.register(registry);
+        SESSION.refuse_unknown(registry, "session");
     }
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use pdk_components::catalog::{Catalog, drop_in_name};
 use pdk_components::inspection;
+use pdk_components::registry::is_mask_script;
 use pdk_components::search_path::{SearchPath, is_script};
 use pdk_model::component::ComponentSpec;
-use pdk_record::files::FileRecord;
+use pdk_record::files::{FileRecord, recorded};
 use pdk_record::manifest::{ComponentRecord, InUse, Machine, Manifest, components_of};
 use pdk_record::settle;
 use pdk_sdk::describe::Kind;
@@ -55,13 +56,14 @@ impl Further {
     ) -> Result<Self> {
         let mut further = Self::default();
         let needed = components(scenarios);
-        for (kind, name) in needed.iter().filter(|(kind, name)| catalog.get(*kind, name).is_err()) {
-            let recorded = manifest.components.iter().find(|c| c.kind == *kind && c.name == *name);
+        for (kind, name) in needed.iter().filter(|(kind, name)| is_missing(catalog, *kind, name)) {
+            let known = manifest.components.iter().find(|c| c.kind == *kind && c.name == *name);
             // What the catalog was made from has been loaded already.
             let is_new = |file: &&FileRecord| {
-                catalog.entries().iter().all(|entry| entry.file != file.path) && file.path.is_file()
+                catalog.entries().iter().all(|entry| recorded(&entry.file) != file.path)
+                    && file.path.is_file()
             };
-            if let Some(file) = recorded.map(|component| &component.file).filter(is_new) {
+            if let Some(file) = known.map(|component| &component.file).filter(is_new) {
                 let asks = asks(file)?.map(|asks| format!("{asks}, for the {kind} `{name}`"));
                 if asks.is_none() || trusted {
                     further.places.plugins.push(file.path.clone());
@@ -70,11 +72,10 @@ impl Further {
             }
             // A file of the user's that a component shows has the component's name.
             let shown = manifest.files.iter().map(|file| file.path.as_path());
-            for path in shown.filter(|path| path.is_file() && drop_in_name(path) == *name) {
-                let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            for path in shown.filter(|path| drop_in_name(path) == *name) {
                 let mut drop_ins =
                     catalog.of_kind(*kind).filter_map(|entry| entry.description.drop_in.as_ref());
-                if drop_ins.any(|drop_in| drop_in.endings.contains(&ending)) {
+                if drop_ins.any(|drop_in| drop_in.takes(path)) {
                     further.places.drop_ins.extend(path.parent().map(Path::to_owned));
                 }
             }
@@ -85,6 +86,11 @@ impl Further {
         further.places.drop_ins.dedup();
         Ok(further)
     }
+}
+
+/// Whether a component is not in the catalog. A mask that is a script is named by its path.
+fn is_missing(catalog: &Catalog, kind: Kind, name: &str) -> bool {
+    !is_mask_script(kind, name) && catalog.get(kind, name).is_err()
 }
 
 /// Why a recorded library or script is not loaded without the user's word, as a clause that names it; none if it is.
@@ -132,7 +138,9 @@ pub fn changes(
     inputs: &mut Inputs<'_>,
 ) -> Result<Vec<String>> {
     for (kind, name) in components(scenarios) {
-        catalog.get(kind, &name).map_err(|error| missing(manifest, kind, &name, &error))?;
+        if !is_mask_script(kind, &name) {
+            catalog.get(kind, &name).map_err(|error| missing(manifest, kind, &name, &error))?;
+        }
     }
     for Recorded { line, .. } in scenarios {
         settle::check(catalog, &line.scenario)

@@ -11,6 +11,7 @@ use pdk_loop::protocol::{Drive, Driven};
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory, SCENARIOS};
 use pdk_record::ledger::{self, Line};
+use pdk_record::located::Located;
 use pdk_record::manifest::Manifest;
 use pdk_record::trace::reader::{Owner, read_recorded, read_steps};
 use pdk_record::trace::step::Step;
@@ -72,7 +73,12 @@ impl Replay {
         if lines.is_empty() {
             return Err(empty());
         }
-        let scenarios = select(lines, wanted, &shown.to_string())?;
+        let located = Located::new(folder, &manifest);
+        let mut scenarios = select(lines, wanted, &shown.to_string())?;
+        for recorded in &mut scenarios {
+            recorded.line.scenario = located.scenario(&recorded.line.scenario)?;
+        }
+        let manifest = located.manifest(manifest);
         Ok(Self { directory, manifest, scenarios, cut_off })
     }
 

@@ -320,7 +320,9 @@ pub fn script(shrunk: &Shrunk, name: &str) -> Result<String> {
         };
         format!("\t\t{} = {value},\n", key(name))
     };
-    let fields: Vec<String> = fields.as_object().into_iter().flatten().map(field).collect();
+    // A pipeline names files, and pdk notes what is in them.
+    let fields = fields.as_object().into_iter().flatten().filter(|(name, _)| *name != "files");
+    let fields: Vec<String> = fields.map(field).collect();
     Ok(format!(
         "-- {}: {} after {:.2} s.{luck}\n--\n--   pdk run {name}\n\npdk.show(pdk.drive({{\n\timages_every = 1,\n\tscenarios = {{ \
          {{\n{}\t}} }},\n}}))\n",

@@ -11,7 +11,7 @@ use pdk_sdk::error::Result;
 use serde::Serialize;
 
 use crate::closed_loop::curves::curves;
-use crate::closed_loop::maps::grids;
+use crate::closed_loop::maps::{grids, largest_error};
 use crate::color::{ORDERED, Rgb};
 use crate::conclusions::{Conclusions, conclusions};
 use crate::curve::Chart;
@@ -215,7 +215,10 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
     let order: Vec<String> =
         by_severity([drive.scenarios.as_slice()]).into_iter().map(|(name, _)| name).collect();
     let chosen = levels([drive.scenarios.as_slice()]);
-    let (failed, error) = grids(drive, &order, &chosen);
+    // All drives of a run have one scale, so that drivers can be compared.
+    let compared = || all.iter().chain([drive]);
+    let (failed, error) = grids(drive, &order, &chosen, largest_error(compared()));
+    let end = compared().flat_map(|drive| &drive.scenarios).map(|scenario| scenario.time).fold(0.0, f64::max);
     let mut roads = road::pictures(drive, classes);
     let road_note = road_note(drive, roads.len());
     roads.truncate(PICTURES);
@@ -244,7 +247,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         failed,
         error,
         conclusions: conclusions(drive, all),
-        curves: if all_failed > 0 { curves(drive, &order, &chosen)? } else { Vec::new() },
+        curves: if all_failed > 0 { curves(drive, &order, &chosen, end)? } else { Vec::new() },
         roads,
         road_note,
         classes: legend(classes),

@@ -21,6 +21,8 @@ const FEWEST: usize = 30;
 #[derive(Debug, Serialize)]
 pub struct Section {
     number: u64,
+    driver: String,
+    dataset: String,
     frames: usize,
     original_error: String,
     bad_frames: Vec<(String, String)>,
@@ -64,8 +66,42 @@ fn by_severity(evaluation: &Evaluation) -> Vec<String> {
     order.into_iter().map(|(name, ..)| name).collect()
 }
 
-/// The sentences on top of the page.
-pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
+/// What the colours and axes of all evaluations of a run stand for, so that they can be compared.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    /// The largest error of a cell, and without perturbation.
+    error: f64,
+    /// The largest drift of a cell.
+    drift: f64,
+    /// The largest error at a level.
+    top: f64,
+    /// The lowest and the highest level.
+    levels: (f64, f64),
+}
+
+impl Scale {
+    /// That of these evaluations.
+    pub fn of(evaluations: &[Evaluation]) -> Self {
+        let largest = |value: fn(&EvaluationCell) -> f64| {
+            let means = evaluations
+                .iter()
+                .flat_map(|evaluation| Means::of(evaluation, |cell| (value(cell), None)).values());
+            means.fold(0.0, f64::max)
+        };
+        let cells = || evaluations.iter().flat_map(|evaluation| &evaluation.cells);
+        let levels = || cells().map(|cell| cell.level);
+        let original = evaluations.iter().map(|evaluation| evaluation.original_error).fold(0.0, f64::max);
+        Self {
+            error: largest(|cell| cell.error).max(original),
+            drift: largest(|cell| cell.drift),
+            top: cells().map(|cell| cell.error).fold(original, f64::max),
+            levels: (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max)),
+        }
+    }
+}
+
+/// The sentences on top of the page; of several evaluations they name the driver.
+pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> {
     let bad = match evaluation.bad_frames.len() {
         0 => String::new(),
         bad => format!(" ({} left out)", was(bad, "frame")),
@@ -80,11 +116,16 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
             )
         }
     };
+    let with = match is_one_of_several && !evaluation.driver.is_empty() {
+        true => format!("With {}, ", evaluation.driver),
+        false => String::new(),
+    };
     let first = format!(
-        "{} evaluated under {}{bad}; {off}.",
+        "{with}{} evaluated under {}{bad}; {off}.",
         was(evaluation.frames, "frame"),
         count(perturbations, "perturbation"),
     );
+    let the = if with.is_empty() { "The" } else { "the" };
     let worst = evaluation.cells.iter().max_by(|a, b| a.harm().total_cmp(&b.harm()));
     let second = worst.map(|worst| {
         let times = worst.error / evaluation.original_error;
@@ -93,7 +134,7 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
             false => String::new(),
         };
         format!(
-            "The worst is {} at level {}, where it {} {}{times}.",
+            "{with}{the} worst is {} at level {}, where it {} {}{times}.",
             worst.perturbation,
             text::short(worst.level),
             if worst.error.is_nan() { "drifts by" } else { "is off by" },
@@ -103,8 +144,8 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
     let worse = evaluation.frames >= FEWEST && evaluation.original_error > evaluation.constant_error;
     let worthless = worse.then(|| {
         format!(
-            "The driver is worse than a constant on the frames as they are ({} against {} on average), so what perturbations do to it says \
-             nothing.",
+            "{with}{the} driver is worse than a constant on the frames as they are ({} against {} on average), so what perturbations do to it \
+             says nothing.",
             number(evaluation.original_error),
             number(evaluation.constant_error)
         )
@@ -116,18 +157,28 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
 ///
 /// # Errors
 /// If a picture cannot be drawn.
-pub fn section(evaluation: &Evaluation) -> Result<Section> {
+pub fn section(evaluation: &Evaluation, scale: &Scale) -> Result<Section> {
     let order = by_severity(evaluation);
     Ok(Section {
         number: evaluation.number,
+        driver: evaluation.driver.clone(),
+        dataset: evaluation.dataset.clone(),
         frames: evaluation.frames,
         original_error: number(evaluation.original_error),
         bad_frames: evaluation.bad_frames.clone(),
-        error: heat_map(evaluation, &order, Some(evaluation.original_error), |cell| {
-            (cell.error, cell.error_interval)
-        }),
-        drift: heat_map(evaluation, &order, None, |cell| (cell.drift, cell.drift_interval)),
-        curves: curves(evaluation, &order)?,
+        error: heat_map(
+            &Means::of(evaluation, |cell| (cell.error, cell.error_interval)),
+            &order,
+            Some(evaluation.original_error),
+            scale.error,
+        ),
+        drift: heat_map(
+            &Means::of(evaluation, |cell| (cell.drift, cell.drift_interval)),
+            &order,
+            None,
+            scale.drift,
+        ),
+        curves: curves(evaluation, &order, scale)?,
         worst: evaluation
             .worst
             .iter()
@@ -144,48 +195,62 @@ pub fn section(evaluation: &Evaluation) -> Result<Section> {
     })
 }
 
-fn heat_map(
-    evaluation: &Evaluation,
-    order: &[String],
-    nominal: Option<f64>,
-    value: impl Fn(&EvaluationCell) -> (f64, Option<(f64, f64)>),
-) -> Grid {
-    let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
-    // The sum and the count of what goes into a cell, by row and column, in the order in which these come; and the interval of one that
-    // is alone.
-    let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
-    let mut intervals: Vec<Option<(f64, f64)>> = Vec::new();
-    let mut known: HashMap<(&str, u64), usize> = HashMap::new();
-    for cell in &evaluation.cells {
-        let column = columns.column(cell.level);
-        let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
-            places.push((&cell.perturbation, column, 0.0, 0));
-            intervals.push(None);
-            places.len() - 1
-        });
-        let (value, interval) = value(cell);
-        places[place].2 += value;
-        places[place].3 += 1;
-        intervals[place] = interval.filter(|_| places[place].3 == 1);
+/// The mean of a value in each cell of a table.
+struct Means<'a> {
+    columns: Columns,
+    /// The row and the column of each, with the sum and the count of what goes into it, in the order in which these come.
+    places: Vec<(&'a str, f64, f64, usize)>,
+    /// The interval of one that is alone in its place.
+    intervals: Vec<Option<(f64, f64)>>,
+}
+
+impl<'a> Means<'a> {
+    fn of(evaluation: &'a Evaluation, value: impl Fn(&EvaluationCell) -> (f64, Option<(f64, f64)>)) -> Self {
+        let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
+        let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
+        let mut intervals: Vec<Option<(f64, f64)>> = Vec::new();
+        let mut known: HashMap<(&str, u64), usize> = HashMap::new();
+        for cell in &evaluation.cells {
+            let column = columns.column(cell.level);
+            let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
+                places.push((&cell.perturbation, column, 0.0, 0));
+                intervals.push(None);
+                places.len() - 1
+            });
+            let (value, interval) = value(cell);
+            places[place].2 += value;
+            places[place].3 += 1;
+            intervals[place] = interval.filter(|_| places[place].3 == 1);
+        }
+        Self { columns, places, intervals }
     }
-    let means = || places.iter().map(|(.., sum, count)| sum / *count as f64);
-    let largest = means().chain(nominal).fold(0.0, f64::max);
+
+    /// The means.
+    fn values(&self) -> Vec<f64> {
+        self.places.iter().map(|(.., sum, count)| sum / *count as f64).collect()
+    }
+}
+
+/// A table of means; `largest` is what its darkest colour stands for.
+fn heat_map(means: &Means<'_>, order: &[String], nominal: Option<f64>, largest: f64) -> Grid {
     let cell = |value: f64, what: String| {
         let share = if largest > 0.0 { value / largest } else { 0.0 };
         Cell::new(number(value), format!("{what}: {}", number(value)), share)
     };
-    let mut entries: Vec<Entry> = places
+    let mut entries: Vec<Entry> = means
+        .places
         .iter()
-        .zip(means())
-        .zip(&intervals)
+        .zip(means.values())
+        .zip(&means.intervals)
         .map(|(((perturbation, column, ..), mean), interval)| {
             let interval = interval.map_or_else(String::new, |(low, high)| {
                 format!(" (95 %: {} to {})", number(low), number(high))
             });
+            let level = means.columns.name(*column);
             Entry {
                 row: Some((*perturbation).to_owned()),
                 level: Some(*column),
-                cell: cell(mean, format!("{perturbation} at level {}{interval}", columns.name(*column))),
+                cell: cell(mean, format!("{perturbation} at level {level}{interval}")),
             }
         })
         .collect();
@@ -194,14 +259,12 @@ fn heat_map(
         level: None,
         cell: cell(value, "without perturbation".to_owned()),
     }));
-    columns.grid(&entries, order, ("0".to_owned(), number(largest)))
+    means.columns.grid(&entries, order, ("0".to_owned(), number(largest)))
 }
 
 /// The error over the level for the worst perturbations, with that of the original frames.
-fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>> {
-    let levels = || evaluation.cells.iter().map(|cell| cell.level);
-    let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
-    let top = evaluation.cells.iter().map(|cell| cell.error).fold(evaluation.original_error, f64::max);
+fn curves(evaluation: &Evaluation, order: &[String], scale: &Scale) -> Result<Vec<Chart>> {
+    let Scale { top, levels: (low, high), .. } = *scale;
     // Over a single level there is no course.
     if !(low < high && top > 0.0) {
         return Ok(Vec::new());
@@ -258,10 +321,50 @@ mod tests {
         }
     }
 
+    /// The section about a single evaluation.
+    fn alone(evaluation: &Evaluation) -> Section {
+        section(evaluation, &Scale::of(std::slice::from_ref(evaluation))).unwrap()
+    }
+
+    #[test]
+    fn two_networks_are_named_and_drawn_on_one_scale() {
+        let (mut first, mut second) = (evaluation(), evaluation());
+        first.driver = "onnx (model=a.onnx)".to_owned();
+        second.driver = "onnx (model=b.onnx)".to_owned();
+        second
+            .cells
+            .iter_mut()
+            .for_each(|cell| (cell.error, cell.drift) = (4.0 * cell.error, 3.0 * cell.drift));
+        let scale = Scale::of(&[first.clone(), second.clone()]);
+        let (mild, strong) = (section(&first, &scale).unwrap(), section(&second, &scale).unwrap());
+        assert_eq!((&*mild.driver, &*strong.driver), ("onnx (model=a.onnx)", "onnx (model=b.onnx)"));
+        for (mild, strong) in [(&mild.error, &strong.error), (&mild.drift, &strong.drift)] {
+            assert_eq!(mild.legend, strong.legend);
+            assert_ne!(
+                mild.rows[0].cells[1].as_ref().unwrap().ground,
+                strong.rows[0].cells[1].as_ref().unwrap().ground
+            );
+        }
+        // A value has one colour in both: rain at level 4 of the first is as much as fog at level 0 of the second.
+        let ground = |section: &Section, row: usize, column: usize| {
+            section.error.rows[row].cells[column].as_ref().unwrap().ground
+        };
+        assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
+        let sentences = verdict(&second, true);
+        assert!(
+            sentences[0].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
+            "{sentences:?}"
+        );
+        assert!(
+            sentences[1].starts_with("With onnx (model=b.onnx), the worst is rain at level 4"),
+            "{sentences:?}"
+        );
+    }
+
     #[test]
     fn two_sentences_say_what_came_out() {
         assert_eq!(
-            verdict(&evaluation()),
+            verdict(&evaluation(), false),
             [
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
                  is off by 0.100 on average.",
@@ -274,7 +377,7 @@ mod tests {
     fn a_driver_that_is_worse_than_a_constant_is_named_first() {
         let evaluation = Evaluation { frames: 40, constant_error: 0.05, ..evaluation() };
         assert_eq!(
-            verdict(&evaluation)[0],
+            verdict(&evaluation, false)[0],
             "The driver is worse than a constant on the frames as they are (0.100 against 0.050 on average), so what perturbations do to \
              it says nothing."
         );
@@ -282,7 +385,7 @@ mod tests {
 
     #[test]
     fn the_worst_perturbation_comes_first_in_both_tables() {
-        let section = section(&evaluation()).unwrap();
+        let section = alone(&evaluation());
         for (grid, first) in [(&section.error, "0.300"), (&section.drift, "0.150")] {
             assert_eq!(grid.columns, ["0", "4"].map(|level| Some(level.to_owned())));
             assert_eq!(grid.rows[0].label, "rain");
@@ -321,7 +424,7 @@ mod tests {
             ..EvaluationCell::default()
         };
         evaluation.cells = (0..=40).map(cell).collect();
-        let grid = section(&evaluation).unwrap().error;
+        let grid = alone(&evaluation).error;
         assert_eq!(grid.columns.len(), 5);
         assert_eq!(grid.columns[3].as_deref(), Some("3 to below 4"));
         let cells: Vec<&str> = grid.rows[0].cells.iter().flatten().map(|cell| cell.text.as_str()).collect();
@@ -333,6 +436,6 @@ mod tests {
     fn a_single_level_has_no_course() {
         let mut evaluation = evaluation();
         evaluation.cells.retain(|cell| cell.level == 0.0);
-        assert!(section(&evaluation).unwrap().curves.is_empty());
+        assert!(alone(&evaluation).curves.is_empty());
     }
 }

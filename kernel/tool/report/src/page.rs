@@ -51,9 +51,15 @@ pub fn render(run: &Run) -> Result<String> {
         .iter()
         .map(|drive| closed_loop::section(drive, &run.drives, &classes))
         .collect::<Result<Vec<_>>>()?;
-    let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>>>()?;
+    let scale = offline::Scale::of(&run.evaluations);
+    let evaluations = run
+        .evaluations
+        .iter()
+        .map(|evaluation| offline::section(evaluation, &scale))
+        .collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
-    verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
+    let several = run.evaluations.len() > 1;
+    verdict.extend(run.evaluations.iter().flat_map(|evaluation| offline::verdict(evaluation, several)));
     verdict.extend(run.searches.iter().flat_map(search::verdict));
     let comparisons = strategies::comparisons(&run.searches)?;
     let searches = run.searches.iter().map(search::section).collect::<Result<Vec<_>>>()?;
@@ -221,6 +227,8 @@ mod tests {
             }],
             evaluations: vec![Evaluation {
                 number: 0,
+                driver: nasty(),
+                dataset: nasty(),
                 frames: 1,
                 bad_frames: vec![(nasty(), nasty())],
                 original_error: 0.5,

@@ -165,6 +165,10 @@ pub struct Shot {
 pub struct Evaluation {
     /// Its number in the run.
     pub number: u64,
+    /// The driver that was tested, with its parameters; empty if the record does not say it.
+    pub driver: String,
+    /// The dataset, with its parameters; empty if the record does not say it.
+    pub dataset: String,
     /// Frames that were evaluated.
     pub frames: usize,
     /// Names of frames that could not be evaluated, with the reason.

@@ -7,6 +7,7 @@ use super::pixels::LuaImage;
 use super::{blurs, color, drawing, geometry, noises};
 use crate::api::{ApiClass, ApiProperty};
 use crate::types::Declare;
+use crate::unknown::refuse_unknown;
 
 /// What a script can do with an image: its values, and all [`operations`].
 pub const IMAGE: ApiClass<LuaImage> = ApiClass {
@@ -52,6 +53,9 @@ impl UserData for LuaImage {
             // A function rather than a method, because it may be given the same image again.
             registry.add_function(operation.name, |lua, values: MultiValue| operation.call(lua, values));
         }
+        let values = IMAGE.properties.iter().map(|property| property.name);
+        let known = values.chain(operations().map(|operation| operation.name)).map(str::to_owned).collect();
+        refuse_unknown(registry, "image", known);
     }
 }
 

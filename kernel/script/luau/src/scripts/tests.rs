@@ -43,13 +43,9 @@ fn a_table_with_apply_is_a_perturbation_wherever_it_lies() {
             "foo.lua: the perturbation has an unknown field `aply`; did you mean `apply`?"
         );
     }
-    // What is in a text or in a function that is never called does not count.
-    for source in [
-        "local text = 'pdk.drive(' return { doc = 'x', apply = print }",
-        "local function unused() pdk.drive({}) require('./x') end return { doc = 'x', apply = unused }",
-    ] {
-        assert!(describe("scripts", source).unwrap().is_some(), "{source}");
-    }
+    // What is in a text does not count.
+    let source = "local text = 'pdk.drive(' return { doc = 'x', apply = print }";
+    assert!(describe("scripts", source).unwrap().is_some(), "{source}");
 }
 
 #[test]
@@ -60,6 +56,34 @@ fn pipelines_and_modules_are_not_components() {
     // What says what it does is meant as a perturbation, and told what it lacks.
     let error = describe("scripts", "return { doc = 'x' }").unwrap_err().to_string();
     assert!(error.contains("has no `apply`"), "{error}");
+}
+
+#[test]
+fn pipelines_and_modules_are_not_run_to_find_out() {
+    for source in [
+        "error('it runs') pdk.drive({ mask = 1 })",
+        "while true do end pdk.drive({})",
+        "error('it runs') return { once = function() require('./x') end }",
+        "error('it runs')",
+        "local x = = pdk",
+    ] {
+        assert_eq!(describe("scripts", source), Ok(None), "{source}");
+    }
+}
+
+#[test]
+fn a_perturbation_that_is_not_returned_is_reported() {
+    for (folder, source) in [
+        ("scripts", "local fog = { doc = 'x', apply = function() end }"),
+        ("perturbations", "local fog = { doc = 'x', apply = function() end }"),
+        ("scripts", "function apply(image) image:fill(1, 2, 3) end"),
+    ] {
+        let error = error(folder, source);
+        assert!(
+            error.starts_with("foo.lua: the script returns nil, but has to return a table, as in return {"),
+            "{error}"
+        );
+    }
 }
 
 #[test]
@@ -101,11 +125,11 @@ fn a_file_that_the_user_named_has_to_be_a_perturbation() {
 fn a_script_that_fails_for_another_reason_is_an_error() {
     for folder in ["perturbations", "scripts"] {
         for (source, expected) in [
-            ("error('no road')", "foo.lua:1: no road"),
-            ("\nlocal x = = 1", "foo.lua:2: Expected"),
-            ("while true do end", "foo.lua:1: used more than "),
-            ("return nothing.drive()", "foo.lua:1: attempt to index nil with 'drive'"),
-            ("error('pdk.drive')", "foo.lua:1: pdk.drive"),
+            ("local apply error('no road')", "foo.lua:1: no road"),
+            ("\nlocal apply = = 1", "foo.lua:2: Expected"),
+            ("local mask while true do end", "foo.lua:1: used more than "),
+            ("return { apply = nothing.drive() }", "foo.lua:1: attempt to index nil with 'drive'"),
+            ("local doc error('pdk.drive')", "foo.lua:1: pdk.drive"),
         ] {
             let error = error(folder, source);
             assert!(error.starts_with(expected), "{error}");
@@ -119,7 +143,9 @@ fn a_script_that_fails_for_another_reason_is_an_error() {
 #[test]
 fn an_instance_that_calls_a_function_of_pipelines_gets_an_error() {
     let place = tempfile::tempdir().unwrap();
-    let file = place.path().join("foo.lua");
+    let folder = place.path().join("perturbations");
+    fs::create_dir(&folder).unwrap();
+    let file = folder.join("foo.lua");
     fs::write(&file, "return { doc = 'x', apply = function() pdk.drive({}) end }").unwrap();
     let scripts = LuaScripts::default();
     let description = scripts.describe(Script::File(&file)).unwrap().unwrap();

@@ -32,6 +32,8 @@ pub(super) struct Components {
     pub fatal: BTreeMap<Key, Error>,
     /// What scenarios and evaluations left to the machine, such as the engine of networks, and what it was.
     pub settled: Vec<(String, String)>,
+    /// The contents of the files that scenarios name, by their paths.
+    pub contents: BTreeMap<String, String>,
 }
 
 impl Components {

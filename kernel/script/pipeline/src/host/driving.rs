@@ -23,7 +23,13 @@ impl Host {
     /// Submits scenarios, after making sure that their components can be made.
     pub(crate) fn submit(&mut self, mut submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
         let mut settler = self.settler();
-        submissions.iter_mut().for_each(|submission| settler.scenario(&mut submission.scenario));
+        for Submission { scenario, name, .. } in &mut submissions {
+            let was_named_after_itself = *name == scenario.default_name();
+            settler.scenario(scenario);
+            if was_named_after_itself {
+                *name = scenario.default_name();
+            }
+        }
         for Submission { scenario, .. } in &submissions {
             stop_if_dropped()?;
             self.check(scenario)?;
@@ -61,6 +67,7 @@ impl Host {
             catalog: self.session.catalog(),
             wanted: self.setup.common.wanted(),
             settled: &mut self.components.settled,
+            contents: &mut self.components.contents,
         }
     }
 

@@ -6,7 +6,7 @@ use pdk_components::readers;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};
-use pdk_record::manifest::components_of_all;
+use pdk_record::manifest::{EvaluationRecord, components_of_all};
 use pdk_record::merge::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -63,6 +63,7 @@ impl Host {
         self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, told)?;
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
+        self.record.evaluations.push(EvaluationRecord { dataset: reader.clone(), driver: driver.clone() });
         self.begin()?;
         lines.iter().for_each(|line| self.print(line));
         let frames = frames.unwrap_or(usize::MAX).min(available.unwrap_or_default());

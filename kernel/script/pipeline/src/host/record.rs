@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use pdk_record::directory::{MANIFEST, RunDirectory};
+use pdk_record::files::recorded;
 use pdk_record::ledger::Ledger;
-use pdk_record::manifest::{InUse, Machine, Manifest};
+use pdk_record::located;
+use pdk_record::manifest::{EvaluationRecord, InUse, Machine, Manifest, Pipeline};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Session;
 use serde_json::Value;
@@ -21,6 +23,8 @@ pub(super) struct RunRecord {
     pub directory: Option<RunDirectory>,
     /// What the run uses: components and files.
     pub in_use: InUse,
+    /// The evaluations that were begun.
+    pub evaluations: Vec<EvaluationRecord>,
     /// Whether the session has the ledger, which only scenarios need.
     has_ledger: bool,
     /// The manifest that an earlier process left in the folder.
@@ -40,12 +44,14 @@ impl RunRecord {
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
             seed: setup.common.seed,
-            pipeline: setup.pipeline.clone(),
+            pipeline: Pipeline { path: recorded(&setup.pipeline.path), ..setup.pipeline.clone() },
             settings: settings.cloned().unwrap_or_default(),
+            folder: located::from_record(directory.path()),
             plugins: setup.given.0.clone(),
             drop_ins: setup.given.1.clone(),
             components: self.in_use.components(),
             files: self.in_use.files(),
+            evaluations: self.evaluations.clone(),
             machine: Machine::this(),
             shard: setup.common.shard,
         };

@@ -10,7 +10,7 @@ use pdk_sdk::seed;
 use pdk_session::interrupt::{self, Wish};
 use serde_json::Value;
 
-use crate::bridge::{frames_of, with_host};
+use crate::bridge::{frames_of, outcomes_to_lua, with_host};
 use crate::levels;
 use crate::search::request::{PLACE, Request, StrategySpec};
 use crate::search::results;
@@ -268,7 +268,7 @@ impl Search {
                 Some(function) if row["cause"] != "error" => {
                     let number = self.trials.told();
                     let values = Value::Object(self.trials.all()[number].values.clone());
-                    self.call("outcome", function, (to_lua(lua, &row)?, to_lua(lua, &values)?))?
+                    self.call("outcome", function, (outcomes_to_lua(lua, &row)?, to_lua(lua, &values)?))?
                 }
                 _ => Ok(LuaValue::Nil),
             };

@@ -13,11 +13,11 @@ use crate::view::{Drive, Scenario, Verdict};
 const CURVES: usize = 7;
 
 /// Shares that are still driving, over time: by level, and for the worst perturbations. If levels were chosen by what failed, that
-/// is the level at which all were driven.
+/// is the level at which all were driven. `end` is the last time on the axis, in seconds.
 ///
 /// # Errors
 /// If a picture cannot be drawn.
-pub fn curves(drive: &Drive, order: &[String], chosen: &[f64]) -> Result<Vec<Chart>> {
+pub fn curves(drive: &Drive, order: &[String], chosen: &[f64], end: f64) -> Result<Vec<Chart>> {
     let common = match chosen.is_empty() {
         true => None,
         false => match common_level(&drive.scenarios) {
@@ -25,7 +25,6 @@ pub fn curves(drive: &Drive, order: &[String], chosen: &[f64]) -> Result<Vec<Cha
             common => common,
         },
     };
-    let end = drive.scenarios.iter().map(|scenario| scenario.time).fold(0.0, f64::max);
     if end <= 0.0 {
         return Ok(Vec::new());
     }

@@ -7,7 +7,7 @@ use pdk_statistics::level::{Trial, fails_at};
 use crate::closed_loop::NO_PERTURBATION;
 use crate::conclusions::{Trials, trials};
 use crate::heat::{self, Cell, Columns, Grid};
-use crate::tally::Tally;
+use crate::tally::{Tally, levels};
 use crate::text::{number, percent};
 use crate::view::{Drive, Scenario};
 
@@ -24,16 +24,11 @@ struct Counted<'a> {
 
 /// The heat maps of a drive: the share that failed, and the mean cross-track error. `chosen` are the levels over which shares are
 /// taken where levels were chosen by what failed: then the share at a level is that of all roads on which drives tell it, also drives
-/// at other levels. Else a cell counts its drives.
-pub fn grids(drive: &Drive, order: &[String], chosen: &[f64]) -> (Grid, Grid) {
-    let columns = match chosen.is_empty() {
-        true => Columns::of(drive.scenarios.iter().filter_map(|scenario| scenario.level)),
-        false => Columns::Exact,
-    };
+/// at other levels. Else a cell counts its drives. `largest` is the error that the darkest colour stands for.
+pub fn grids(drive: &Drive, order: &[String], chosen: &[f64], largest: f64) -> (Grid, Grid) {
+    let columns = columns(drive, chosen);
     let cells = counted(drive, order, columns, chosen);
     let trials = trials(drive);
-    // So that small errors look small.
-    let largest = cells.iter().filter_map(|cell| cell.tally.mean_error()).fold(1.0, f64::max);
     let (mut failed, mut error) = (Vec::new(), Vec::new());
     for Counted { name, level, tally, total } in cells {
         let what = match (name, level) {
@@ -74,6 +69,24 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64]) -> (Grid, Grid) {
         columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
         columns.grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
     )
+}
+
+/// The largest mean error in the cells of some drives, which are drawn on one scale. It is not below 1 m, so that small errors look small.
+pub fn largest_error<'a>(drives: impl Iterator<Item = &'a Drive>) -> f64 {
+    let of = |drive: &Drive| {
+        let chosen = levels([drive.scenarios.as_slice()]);
+        let cells = counted(drive, &[], columns(drive, &chosen), &chosen);
+        cells.iter().filter_map(|cell| cell.tally.mean_error()).fold(1.0, f64::max)
+    };
+    drives.map(of).fold(1.0, f64::max)
+}
+
+/// The columns of a drive's tables.
+fn columns(drive: &Drive, chosen: &[f64]) -> Columns {
+    match chosen.is_empty() {
+        true => Columns::of(drive.scenarios.iter().filter_map(|scenario| scenario.level)),
+        false => Columns::Exact,
+    }
 }
 
 /// The cells with what was driven, in the order in which they come first; then those of chosen levels at which nothing was.

@@ -55,6 +55,24 @@ fn two_sentences_say_what_happened() {
 }
 
 #[test]
+fn two_drivers_are_drawn_on_one_scale() {
+    let (mut first, mut second) = (drive(), drive());
+    first.scenarios.iter_mut().for_each(|scenario| scenario.mean_error = 0.5);
+    second
+        .scenarios
+        .iter_mut()
+        .for_each(|scenario| (scenario.mean_error, scenario.time) = (3.0, 2.0 * scenario.time));
+    let all = [first, second];
+    let [first, second] = [0, 1].map(|number| section(&all[number], &all, &[0.1]).unwrap());
+    assert_eq!(first.error.legend, second.error.legend);
+    let ground = |section: &Section| section.error.nominal.as_ref().unwrap().ground;
+    assert_ne!(ground(&first), ground(&second), "half a metre is less than three");
+    // The axis of time ends at the same place: a curve that ends at 10 s is half as long.
+    let alone = section(&all[0], &[], &[0.1]).unwrap();
+    assert_ne!(first.curves[0].body, alone.curves[0].body);
+}
+
+#[test]
 fn a_driver_that_fails_without_perturbation_is_named_first() {
     let mut drive = Drive { driver: "dave2".into(), ..drive() };
     drive.scenarios[0].verdict = Verdict::Unsafe;

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 
+use pdk_model::component::ENGINE;
 use pdk_record::directory::{RESULTS, RunDirectory};
+use pdk_record::manifest::EvaluationRecord;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::Control;
@@ -75,11 +77,11 @@ struct Cell {
     drifts: Vec<f64>,
 }
 
-/// The evaluations of a run, in order; none if there are none. A last line that was cut off is left out.
+/// The evaluations of a run, in order, with what the manifest tells of each; none if there are none. A last line that was cut off is left out.
 ///
 /// # Errors
 /// If the results cannot be read, or a line is damaged.
-pub fn read(directory: &RunDirectory) -> Result<Vec<Evaluation>> {
+pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<Evaluation>> {
     let path = directory.path().join(RESULTS);
     let Some((file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(Vec::new()) };
     let mut evaluations: BTreeMap<u64, Sums> = BTreeMap::new();
@@ -102,7 +104,7 @@ pub fn read(directory: &RunDirectory) -> Result<Vec<Evaluation>> {
             Line::Task { .. } => {}
         }
     }
-    Ok(evaluations.into_iter().map(|(number, sums)| sums.finish(number)).collect())
+    Ok(evaluations.into_iter().map(|(number, sums)| sums.finish(number, told)).collect())
 }
 
 impl Sums {
@@ -137,12 +139,25 @@ impl Sums {
         }
     }
 
-    fn finish(self, number: u64) -> Evaluation {
+    fn finish(self, number: u64, told: &[EvaluationRecord]) -> Evaluation {
+        let own = told.get(number as usize).cloned();
+        // Who ran the networks tells them apart only if several did.
+        let engine = |record: &EvaluationRecord| record.driver.parameters.get(ENGINE).cloned();
+        let one_engine = told.iter().all(|record| told.first().map(engine) == Some(engine(record)));
+        let driver = own.as_ref().map(|record| {
+            let mut driver = record.driver.clone();
+            if one_engine {
+                driver.parameters.shift_remove(ENGINE);
+            }
+            driver.to_string()
+        });
         let frames = self.original.len();
         let mut worst: Vec<_> = self.worst.into_values().collect();
         worst.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         Evaluation {
             number,
+            driver: driver.unwrap_or_default(),
+            dataset: own.map(|record| record.dataset.to_string()).unwrap_or_default(),
             frames,
             bad_frames: self.bad_frames,
             original_error: {

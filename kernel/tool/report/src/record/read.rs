@@ -43,7 +43,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         true => ledger::read(&directory)?,
         false => (Vec::new(), false),
     };
-    let evaluations = offline::read(&directory)?;
+    let evaluations = offline::read(&directory, &manifest.evaluations)?;
     let searches = search::read(&directory, folder, &lines)?;
     if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(

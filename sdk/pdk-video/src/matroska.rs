@@ -1,0 +1,105 @@
+//! Which decoder of ffmpeg a Matroska or WebM clip needs for its alpha channel. VP8 and VP9 keep alpha as a second stream beside the colours,
+//! which ffmpeg's own decoders pass over; those of libvpx read it.
+//!
+//! A file is elements in elements, each with its number, its size and its content (RFC 8794, RFC 9559).
+
+/// The numbers of the elements on the way to the video track, whose content is further elements.
+const PARENTS: [u32; 4] = [SEGMENT, 0x1654_AE6B, TRACK, VIDEO];
+const SEGMENT: u32 = 0x1853_8067;
+const TRACK: u32 = 0xAE;
+const VIDEO: u32 = 0xE0;
+const CODEC: u32 = 0x86;
+const ALPHA_MODE: u32 = 0x53C0;
+const CLUSTER: u32 = 0x1F43_B675;
+
+/// Bytes at the beginning of a file in which its tracks are described.
+pub const HEAD: u64 = 1 << 20;
+
+/// The decoder that reads the alpha channel of the first video track that has one, by the beginning of the file; none if no track has one.
+pub fn alpha_decoder(head: &[u8]) -> Option<&'static str> {
+    let mut elements = Elements { rest: head };
+    let mut codec: &[u8] = &[];
+    while let Some((number, content)) = elements.next() {
+        match number {
+            TRACK => codec = &[],
+            CODEC => codec = content,
+            ALPHA_MODE if content.iter().any(|byte| *byte != 0) => {
+                return match codec {
+                    b"V_VP8" => Some("libvpx"),
+                    b"V_VP9" => Some("libvpx-vp9"),
+                    _ => None,
+                };
+            }
+            CLUSTER => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// All elements one after the other, a parent before its children.
+struct Elements<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Iterator for Elements<'a> {
+    type Item = (u32, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let first = *self.rest.first()?;
+        let length = first.leading_zeros() as usize + 1;
+        if length > 4 {
+            return None;
+        }
+        let number = self.rest.get(..length)?.iter().fold(0, |number, byte| number << 8 | u32::from(*byte));
+        let size = self.rest.get(length..)?;
+        let bytes = size.first()?.leading_zeros() as usize + 1;
+        let mask = 0xFF_u64.checked_shr(bytes as u32).unwrap_or(0);
+        let value = size.get(..bytes)?.iter().fold(0, |value, byte| value << 8 | u64::from(*byte));
+        let content = &size[bytes..];
+        // The bits that say how long the size is are not part of it.
+        let value = value & (mask << (8 * (bytes - 1)) | ((1_u64 << (8 * (bytes - 1))) - 1));
+        let length = usize::try_from(value).unwrap_or(usize::MAX).min(content.len());
+        self.rest = if PARENTS.contains(&number) { content } else { &content[length..] };
+        Some((number, &content[..length]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn element(number: &[u8], content: &[u8]) -> Vec<u8> {
+        [number, &[0x40 | (content.len() >> 8) as u8, content.len() as u8], content].concat()
+    }
+
+    fn file(codec: &[u8], alpha: &[u8]) -> Vec<u8> {
+        let video = element(&[0xE0], &[element(&[0xB0], &[64]), alpha.to_vec()].concat());
+        let sound = element(&[0xAE], &element(&[0x86], b"A_OPUS"));
+        let track = element(&[0xAE], &[element(&[0x86], codec), video].concat());
+        let tracks = element(&[0x16, 0x54, 0xAE, 0x6B], &[sound, track].concat());
+        let void = element(&[0xEC], &[0x53, 0xC0, 0x81, 1]);
+        let head = element(&[0x1A, 0x45, 0xDF, 0xA3], b"webm");
+        // The size of the segment is not known.
+        [head, vec![0x18, 0x53, 0x80, 0x67, 0x01, 255, 255, 255, 255, 255, 255, 255], void, tracks].concat()
+    }
+
+    #[test]
+    fn the_track_with_alpha_says_the_decoder() {
+        let alpha = element(&[0x53, 0xC0], &[1]);
+        assert_eq!(alpha_decoder(&file(b"V_VP9", &alpha)), Some("libvpx-vp9"));
+        assert_eq!(alpha_decoder(&file(b"V_VP8", &alpha)), Some("libvpx"));
+        assert_eq!(alpha_decoder(&file(b"V_AV1", &alpha)), None);
+        assert_eq!(alpha_decoder(&file(b"V_VP9", &element(&[0x53, 0xC0], &[0]))), None);
+        assert_eq!(alpha_decoder(&file(b"V_VP9", &[])), None);
+    }
+
+    #[test]
+    fn a_head_that_is_cut_off_or_something_else_has_no_alpha() {
+        let whole = file(b"V_VP9", &element(&[0x53, 0xC0], &[1]));
+        (0..whole.len()).for_each(|length| assert_eq!(alpha_decoder(&whole[..length]), None, "{length}"));
+        for other in [&b""[..], b"RIFF....AVI ", &[0; 40], &[255; 40]] {
+            assert_eq!(alpha_decoder(other), None);
+        }
+    }
+}
