@@ -174,10 +174,10 @@ fn fills(declared: &Declared, described: &Described, reasons: &mut Vec<Reason>) 
         });
     }
     let open: Vec<usize> = (0..fills.len()).filter(|&place| fills[place].is_none()).collect();
-    if fills.iter().flatten().any(|fill| *fill == Fill::Image) {
-        if let Some(&place) = open.first() {
-            return Err(unknown(declared, place));
-        }
+    if fills.iter().flatten().any(|fill| *fill == Fill::Image)
+        && let Some(&place) = open.first()
+    {
+        return Err(unknown(declared, place));
     }
     let images: Vec<usize> = match open.as_slice() {
         [one] => vec![*one],
