@@ -48,11 +48,14 @@ pub struct Message<'a> {
     pub data: &'a [u8],
 }
 
+/// A chunk: its file, its place and channel, and its messages by their place in it.
+type Chunk = (usize, u64, u16, BTreeMap<u32, Vec<u8>>);
+
 /// MCAP files that belong together.
 pub struct Bag {
     files: Vec<PathBuf>,
-    /// The chunk that was read last: its file, its place and channel, and its messages by their place in it.
-    kept: Option<(usize, u64, u16, BTreeMap<u32, Vec<u8>>)>,
+    /// The chunk that was read last.
+    kept: Option<Chunk>,
 }
 
 impl Bag {

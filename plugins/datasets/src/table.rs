@@ -104,6 +104,9 @@ pub struct Columns {
     speed: Option<usize>,
 }
 
+/// What was recorded in each row, and what is told of the columns.
+pub type Labels = (Vec<Result<Label>>, Vec<(String, String)>);
+
 impl Table {
     /// The parameters that name columns; `first` is the one by which rows belong to frames.
     pub fn parameters(first: &[&str]) -> Vec<Parameter> {
@@ -264,11 +267,7 @@ impl Table {
     ///
     /// # Errors
     /// If the steering goes beyond what the units say.
-    pub fn labels(
-        &self,
-        columns: &Columns,
-        units: &Units,
-    ) -> Result<(Vec<Result<Label>>, Vec<(String, String)>)> {
+    pub fn labels(&self, columns: &Columns, units: &Units) -> Result<Labels> {
         let mut told = Vec::new();
         let mut tell = |what: &str, column: Option<usize>, how: String| {
             let how = if how.is_empty() { how } else { format!(", {how}") };

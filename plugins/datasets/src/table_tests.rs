@@ -15,7 +15,7 @@ fn table(text: &str) -> Table {
     Table::parse(Path::new("labels.csv"), text).unwrap()
 }
 
-fn labels(text: &str, given: Value) -> Result<(Vec<Result<Label>>, Vec<(String, String)>)> {
+fn labels(text: &str, given: Value) -> Result<Labels> {
     let (table, config) = (table(text), config(given));
     table.labels(&table.columns(&config)?, &Units::new(&config)?)
 }

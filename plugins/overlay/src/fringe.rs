@@ -88,8 +88,8 @@ fn hard_edges_have_no_fringe() {
             let of = |colour: [f32; 3]| luma_and_chroma(colour);
             let (a, b) = (of(screen.0), of(thing));
             // What has the hue of the screen cannot be told from it.
-            if a[1] * b[1] + a[2] * b[2] > 0.3 * (a[1].hypot(a[2]) * b[1].hypot(b[2]))
-                && b[1].hypot(b[2]) > 20.0
+            if a[1] * b[1] + a[2] * b[2] > 0.3 * (libm::hypotf(a[1], a[2]) * libm::hypotf(b[1], b[2]))
+                && libm::hypotf(b[1], b[2]) > 20.0
             {
                 continue;
             }

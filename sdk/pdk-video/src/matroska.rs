@@ -17,9 +17,8 @@ pub const HEAD: u64 = 1 << 20;
 
 /// The decoder that reads the alpha channel of the first video track that has one, by the beginning of the file; none if no track has one.
 pub fn alpha_decoder(head: &[u8]) -> Option<&'static str> {
-    let mut elements = Elements { rest: head };
     let mut codec: &[u8] = &[];
-    while let Some((number, content)) = elements.next() {
+    for (number, content) in (Elements { rest: head }) {
         match number {
             TRACK => codec = &[],
             CODEC => codec = content,

@@ -93,6 +93,9 @@ pub fn move_points<'py>(
     array(py, moved)
 }
 
+/// Boxes, one a row, and how much of each is visible.
+type Boxes<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
 /// Moves boxes. See `pdk.move_boxes`.
 #[pyfunction]
 #[pyo3(signature = (boxes, perturbation, *, size, seed=0, frame=0, time=0.0, **parameters))]
@@ -106,7 +109,7 @@ pub fn move_boxes<'py>(
     frame: u64,
     time: f64,
     parameters: Option<&Bound<'py, PyDict>>,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+) -> PyResult<Boxes<'py>> {
     let boxes: Vec<[f64; 4]> = rows(boxes, "boxes", "left, top, right and bottom")?;
     let asked = Asked { py, perturbation, size, seed, frame, time, parameters };
     let moved = asked.answer(|labels| {
@@ -131,7 +134,7 @@ pub fn source_pixels<'py>(
     parameters: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyArray2<i64>>> {
     let asked = Asked { py, perturbation, size, seed, frame, time, parameters };
-    let sources = asked.answer(Labels::sources)?;
+    let sources = asked.answer(|labels| labels.sources())?;
     let places: Vec<i64> = sources.into_iter().map(|source| source.map_or(-1, |at| at as i64)).collect();
     places.into_pyarray(py).reshape([size.0, size.1])
 }

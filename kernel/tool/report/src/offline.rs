@@ -404,14 +404,14 @@ mod tests {
         evaluation.original_error = f64::NAN;
         evaluation.cells.iter_mut().for_each(|cell| cell.error = f64::NAN);
         assert_eq!(
-            verdict(&evaluation),
+            verdict(&evaluation, false),
             [
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); no steering was recorded to compare \
                  with.",
                 "The worst is rain at level 4, where it drifts by 0.200.",
             ]
         );
-        assert_eq!(section(&evaluation).unwrap().drift.rows[0].label, "rain");
+        assert_eq!(alone(&evaluation).drift.rows[0].label, "rain");
     }
 
     #[test]

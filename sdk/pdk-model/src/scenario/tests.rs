@@ -221,6 +221,7 @@ prop_compose! {
             mode: if realtime { Mode::Realtime } else { Mode::Lockstep },
             seed,
             repeat,
+            files: BTreeMap::new(),
         }
     }
 }

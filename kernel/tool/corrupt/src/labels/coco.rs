@@ -17,16 +17,15 @@ pub fn fits(value: &Value) -> bool {
 /// What is done with the labels of one picture.
 pub type Work<'a> = &'a mut dyn FnMut(&mut Labels<'_>) -> Result<()>;
 
+/// Called for each picture that has annotations, with its `file_name`, its size, and what to do with its labels.
+pub type Pictures<'a> = &'a mut dyn FnMut(&str, [usize; 2], Work<'_>) -> Result<()>;
+
 /// The annotations of perturbed pictures. `picture` is called for each picture that has any, with its `file_name` and its size, and calls
 /// its last argument with the labels. What is visible to less than `least` is left out.
 ///
 /// # Errors
 /// If the file is not what it seems, or a perturbation cannot say where it moves things.
-pub fn moved(
-    document: &Value,
-    least: f64,
-    picture: &mut dyn FnMut(&str, [usize; 2], Work<'_>) -> Result<()>,
-) -> Result<Value> {
+pub fn moved(document: &Value, least: f64, picture: Pictures<'_>) -> Result<Value> {
     let list = |name: &str| document[name].as_array().map(Vec::as_slice).unwrap_or_default();
     let annotations = list("annotations");
     let mut of_image: BTreeMap<String, Vec<usize>> = BTreeMap::new();

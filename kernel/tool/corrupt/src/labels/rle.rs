@@ -121,7 +121,9 @@ mod tests {
     fn a_packed_text_is_that_of_the_published_tools() {
         // By pycocotools: encode of a mask of 3 rows and 4 columns with its second column set, and of 40 x 60 with a box.
         let mut mask = vec![false; 12];
-        [1, 5, 9].map(|at| mask[at] = true);
+        for at in [1, 5, 9] {
+            mask[at] = true;
+        }
         assert_eq!(write(&mask, [4, 3], &json!({"counts": ""}))["counts"], "336");
         assert_eq!(read(&json!({"size": [3, 4], "counts": "336"})).unwrap().0, mask);
     }
