@@ -104,7 +104,7 @@ pub struct Columns {
     speed: Option<usize>,
 }
 
-/// What was recorded in each row, and what is told of the columns.
+/// What was recorded in each row, and what is known of the columns.
 pub type Labels = (Vec<Result<Label>>, Vec<(String, String)>);
 
 impl Table {
@@ -263,7 +263,7 @@ impl Table {
         }
     }
 
-    /// What was recorded in each row, and what is told of the columns.
+    /// What was recorded in each row, and what is known of the columns.
     ///
     /// # Errors
     /// If the steering goes beyond what the units say.
@@ -331,7 +331,7 @@ impl Table {
         }
     }
 
-    /// The time of each row in seconds, and what is told of them; none if there is no such column.
+    /// The time of each row in seconds, and what is known of them; none if there is no such column.
     pub fn times(&self, columns: &Columns, config: &Config) -> Option<(Vec<Option<f64>>, String)> {
         let column = columns.timestamp?;
         let (unit, scale) = match config.text("time_unit") {

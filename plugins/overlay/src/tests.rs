@@ -458,7 +458,7 @@ fn other_codecs_are_left_to_ffmpeg() {
             Opened::Frames(_) => panic!("it was opened"),
         }
     };
-    assert_eq!(codec_of(b"avc1", b"av01"), "another codec than H.264");
+    assert_eq!(codec_of(b"avc1", b"av01"), "AV1");
     // High 4:4:4 Predictive.
     let (profile, other) = ([b"avcC" as &[u8], &[1, 100]].concat(), [b"avcC" as &[u8], &[1, 244]].concat());
     assert!(codec_of(&profile, &other).starts_with("H.264 in profile 244"));

@@ -114,7 +114,7 @@ class Network:
 
         for number, layer in enumerate(self.convolutions):
             kernel = layer.weights[0].T.reshape(-1, layer.inputs, layer.size, layer.size)
-            # Training has values from 0 to 1, and whoever runs the file has bytes.
+            # Training has values from 0 to 1, but pdk gives the network bytes.
             kernel = kernel / np.float32(255) if number == 0 else kernel
             inputs = [before, keep(f"kernel_{number}", kernel), keep(f"bias_{number}", layer.weights[1])]
             nodes += [

@@ -2,10 +2,11 @@
 //!
 //! | module | metric |
 //! |---|---|
-//! | [`classification`] | top-k, the mean corruption error (mCE) and the relative one |
+//! | [`classification`] | top-k, the mean corruption error (mCE) and the relative one, [`alexnet`] with the errors of the published baseline |
 //! | [`detection`] | the average precision of COCO |
 //! | [`trajectory`] | average and final displacement error (ADE, FDE) |
 
+pub mod alexnet;
 pub mod classification;
 pub mod detection;
 pub mod trajectory;

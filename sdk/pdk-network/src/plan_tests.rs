@@ -47,7 +47,7 @@ fn layout_size_and_stack_follow_from_the_shape() {
 }
 
 #[test]
-fn what_is_only_a_convention_is_said() {
+fn what_is_only_a_convention_is_reported() {
     let assumed = |shape: &[usize], fields: Value| plan(shape, fields).unwrap().assumptions();
     assert_eq!(assumed(&[1, 3, 4, 6], json!({})).unwrap(), "color rgb, scale 0..255");
     assert_eq!(assumed(&[1, 3, 4, 6], json!({"scale": "0..1"})).unwrap(), "color rgb");

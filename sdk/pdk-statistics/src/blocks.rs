@@ -26,7 +26,8 @@ const FEWEST: usize = 3;
 /// each other, and never more than a third of the series.
 pub fn length(values: &[f64]) -> usize {
     let n = values.len() as f64;
-    let most = (3.0 * n.sqrt()).min(n / FEWEST as f64).ceil().max(1.0);
+    // Rounded down, so that there are always enough blocks.
+    let most = (3.0 * n.sqrt()).min(n / FEWEST as f64).floor().max(1.0);
     let mut covariances = Covariances::new(values);
     let variance = covariances.at(0);
     if values.len() < 2 * FEWEST || variance <= 0.0 {

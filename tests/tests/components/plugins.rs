@@ -363,7 +363,7 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
     let folder = temp();
     for (who, how, part) in [
         ("driver", "no_number", "it steers NaN"),
-        ("dataset", "no_number", "have to be numbers"),
+        ("dataset", "no_number", "have to be finite"),
         ("dataset", "empty", "has no frames"),
     ] {
         Pdk::new(["run", "--out"])
@@ -522,6 +522,16 @@ fn the_built_in_plugins_keep_the_rules() {
         match name.as_str() {
             "libpdk_datasets" => {
                 check = check.set("folder.path", "folder").set("tub.path", "tub");
+                let (examples, written) = ("docs/examples", "plugins/datasets/tests/written");
+                for (reader, path) in [
+                    ("csv", format!("{examples}/recording")),
+                    ("video", format!("{examples}/drive.mp4")),
+                    ("pictures", format!("{examples}/signs")),
+                    ("mcap", format!("{written}/foxglove.mcap")),
+                    ("rosbag2", format!("{written}/bag")),
+                ] {
+                    check = check.set(&format!("{reader}.path"), repository().join(path).display());
+                }
             }
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");

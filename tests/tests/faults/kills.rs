@@ -115,7 +115,7 @@ impl Met {
 fn start(script: &Path, out: &Path, bus: &BusFolder, temporary: &Path) -> Child {
     let (variable, value) = bus.variable();
     let run = Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(script).env(variable, value);
-    run.env("TMPDIR", temporary).folder(temporary).spawn()
+    run.env("TMPDIR", temporary).folder(script.parent().unwrap()).spawn()
 }
 
 /// Waits for a moment, or the end of the run before it; whether the moment came.

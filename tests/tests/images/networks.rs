@@ -21,7 +21,7 @@ fn network(folder: &Path, name: &str, described: bool) -> String {
 }
 
 #[test]
-fn what_is_guessed_is_said_with_its_reason_and_written_to_complete() {
+fn guesses_are_reported_with_their_reasons_and_written_to_complete() {
     let folder = temp();
     let model = network(folder.path(), "yuv", false);
     let shown = pdk(&["show", &model]).succeed().stdout;

@@ -7,7 +7,7 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository};
 
 /// Names that are English words too. They may stand in a sentence, but not alone, in quotes or before a parameter.
-const WORDS: &[&str] = &["contrast", "folder", "gradient", "grid", "lane", "pictures", "process", "random"];
+const WORDS: &[&str] = &["contrast", "folder", "gradient", "grid", "lane", "network", "pictures", "process", "random", "video"];
 
 /// Names that are something else in one place: the name, the beginning of the path, and what it is there.
 const OTHERWISE: &[(&str, &str, &str)] = &[
@@ -27,6 +27,12 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
         "the argument of scripts that random numbers come from, and math.random",
     ),
     ("random", "kernel/script/pipeline/src/records/", "a field of `where`, and an argument as above"),
+    ("folder", "kernel/tool/cli/src/verbs/corrupt.rs", "what stands for a folder in the help"),
+    ("network", "kernel/tool/cli/src/verbs/", "the English word before the name of a file"),
+    ("video", "kernel/tool/cli/src/verbs/", "the English word before the name of a file"),
+    ("csv", "kernel/tool/", "the format, and the ending of its files"),
+    ("segmentation", "kernel/tool/corrupt/", "a field of COCO's annotations"),
+    ("random", "kernel/script/pipeline/src/api.rs", "a function of pipelines"),
     ("folder", "kernel/tool/cli/src/verbs/cache.rs", "a field of JSON"),
     ("folder", "kernel/tool/corrupt/", "a field of JSON"),
     ("pictures", "kernel/tool/corrupt/", "a field of JSON"),

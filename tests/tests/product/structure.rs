@@ -173,8 +173,8 @@ fn lines_of_code(code: &str) -> usize {
     code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//")).count()
 }
 
-/// The modules, other than its own, from whose files a file takes something. The root of a crate and the file that declares a module only pass on what
-/// others hold, so what is taken through them is not counted.
+/// The modules from whose files a file takes something, without those that it declares itself. The root of a crate only passes on what others
+/// hold, so what is taken through it is not counted.
 fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<String>> {
     let code: String =
         source.code.lines().filter(|line| !line.trim().starts_with("//")).collect::<Vec<_>>().join("\n");
@@ -202,8 +202,8 @@ fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<Str
         }
         found.extend(deepest(at, rest, modules));
     }
-    found.remove(&source.module);
-    found.remove(&Vec::new());
+    // A module consists of those that it declares, so it knows them.
+    found.retain(|module| !module.starts_with(&source.module) && !module.is_empty());
     found
 }
 

@@ -67,7 +67,7 @@ fn another_picture_of_a_dataset_is_another_run() {
         onnx::pilot(&model, 3, 24, 32);
         let source = r#"
             pdk.evaluate({ dataset = pdk.path("tub"), driver = { name = "onnx", model = pdk.path("pilot.onnx") },
-                perturbations = { "contrast" }, levels = { 1 } })
+                perturbations = { "contrast" }, levels = { 1 }, trust = true })
         "#;
         let script = pipeline(folder.path(), source);
         let out = folder.path().join("record");

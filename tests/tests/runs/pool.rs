@@ -67,7 +67,7 @@ fn a_pool_of_another_pdk_works_with_a_word() {
     let here = folder.path().join("here");
     run(&script, &here).args(["--workers", "1"]).succeed();
     let to = r#"s/"run"/"later":1,"run"/; s/"slot"/"later":[],"slot"/"#;
-    let from = r#"s/"pdk":"[^"]*"/"pdk":"9.9.9","later":{"a":1}/; s/"success"/"later":2,"success"/; s/"frames"/"later":3,"frames"/"#;
+    let from = r#"s/"pdk":"[^"]*"/"pdk":"9.9.9","later":{"a":1}/; /"ready"/!s/"success"/"later":2,"success"/; /"ready"/!s/"frames"/"later":3,"frames"/"#;
     let out = folder.path().join("out");
     let later = format!("sed -u '{to}' | {} | sed -u '{from}'", pool(1));
     let said = run(&script, &out).args(["--pool", &later]).succeed().stderr;
@@ -104,8 +104,8 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     let changed = |from: &str, to: &str| format!("{} | sed -u 's/{from}/{to}/'", pool(1));
     fail(
         0,
-        &changed("\"protocol\":1", "\"protocol\":99"),
-        &["speaks version 99", "this pdk version 1", "use the same pdk at both ends"],
+        &changed("\"protocol\":2", "\"protocol\":99"),
+        &["speaks version 99", "this pdk version 2", "use the same pdk at both ends"],
     );
     fail(1, &changed("\"slots\":1", "\"slots\":0"), &["no slots", "at least one"]);
     fail(2, "exit 3", &["ended before it was ready", "exit status: 3"]);

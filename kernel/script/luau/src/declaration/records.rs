@@ -73,7 +73,7 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         field(
             "move_point",
             "((x: number, y: number, width: number, height: number, cx: Context) -> (number?, number?))?",
-            "Where it moves a point of the frame, in pixels from the centre of the first. Returns nothing for a point that has \
+            "The place to which it moves a point of the frame, in pixels from the centre of the first. Returns nothing for a point that has \
                   nowhere to go.",
         ),
         field(

@@ -144,12 +144,12 @@ pub(super) const TASK_REQUEST: ApiRecord = ApiRecord {
         field(
             "dataset",
             "string | Component",
-            "A folder that any reader may open, or a reader with its parameters, such as `pictures`.",
+            "A folder that any reader may open, or a reader with its parameters.",
         ),
         field(
             "predictor",
             "string | Component",
-            "The predictor under test, such as `network` with its `model`.",
+            "The predictor under test, with its `model`.",
         ),
         field("task", "Task", "The metric with the labels."),
         field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),

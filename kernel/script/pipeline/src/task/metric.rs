@@ -75,7 +75,7 @@ pub struct Total {
     pub name: String,
     /// The number; none if the pictures do not have it, such as the precision of objects of a size that none has.
     pub value: Option<f64>,
-    /// Where it may lie, for means over pictures.
+    /// The range in which it may lie, for means over pictures.
     pub interval: Option<Interval>,
 }
 

@@ -69,7 +69,7 @@ mod tests {
         );
         assert_eq!(
             lengths("{\"line_lengths\": [1], \"start_index\": 0}", &moved).unwrap(),
-            "{\"line_lengths\":[49,48],\"start_index\":0}"
+            "{\"line_lengths\":[48,47],\"start_index\":0}"
         );
     }
 }

@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boxes_and_polygons_are_told_from_other_texts() {
+    fn boxes_and_polygons_are_distinguished_from_other_texts() {
         assert!(fits("0 0.5 0.5 0.25 1\n\n12 0.1 0.1 0.2 0.1 0.2 0.2\n") && fits(""));
         assert!(!fits("0 1 2 3 4") && !fits("cat\n") && !fits("0.5 0.1 0.1 0.1 0.1") && !fits("0 0.5"));
     }
