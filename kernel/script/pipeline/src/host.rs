@@ -4,10 +4,12 @@ mod account;
 mod components;
 pub(crate) mod driving;
 mod evaluating;
+mod evaluations;
 mod finishing;
 mod frames;
 mod record;
 mod scenarios;
+mod searches;
 mod searching;
 mod setup;
 mod tasks;
@@ -24,32 +26,16 @@ use serde_json::{Map, Value};
 
 use self::account::Account;
 use self::components::Components;
-use self::evaluating::Evaluations;
+use self::evaluations::Evaluations;
 use self::frames::Frames;
 use self::record::RunRecord;
 use self::scenarios::Scenarios;
-use self::searching::Searches;
+use self::searches::Searches;
 pub use self::setup::Setup;
 use crate::requests::Defaults;
 use crate::run_settings::{RUN_SETTINGS, Setting};
 use crate::settings;
 use crate::{road, table, tables};
-
-/// A search that was begun.
-pub(crate) struct BegunSearch {
-    /// What it is called.
-    pub name: String,
-    /// The number of the search in its run, from 0.
-    pub number: u64,
-    /// The seed of the run.
-    pub seed: u64,
-    /// How many scenarios are driven at the same time.
-    pub slots: usize,
-    /// Whether the strategy learns nothing.
-    pub baseline: bool,
-    /// The session of the strategy, where it is a component.
-    pub session: Option<Session>,
-}
 
 /// The state behind the global `pdk` of one pipeline.
 pub struct Host {

@@ -3,19 +3,16 @@
 mod applied;
 mod driving;
 mod evaluation;
+mod field;
 mod road;
 mod search;
 mod statistics;
 
-use pdk_lua::{ApiField, ApiRecord};
+use pdk_lua::ApiRecord;
 
 #[cfg(test)]
 pub(crate) use self::driving::SESSION_REQUEST;
 pub use self::road::ROAD_REQUEST;
-
-const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
-    ApiField::of_scripts(name, luau_type, doc)
-}
 
 /// All of them, in the order of the type definition file.
 pub const RECORDS: [&ApiRecord; 36] = [

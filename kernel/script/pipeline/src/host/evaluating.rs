@@ -20,21 +20,6 @@ use crate::requests::{DatasetSpec, Evaluate};
 use crate::table;
 use crate::task::Request;
 
-/// What evaluations came to.
-#[derive(Default)]
-pub(super) struct Evaluations {
-    /// What the pipeline got back.
-    pub summaries: Vec<Value>,
-    /// What each of them went through.
-    pub frames: Vec<EvaluatedFrames>,
-    /// How many frames of each were evaluated here.
-    pub own: Vec<usize>,
-    /// How long each took.
-    pub times: Vec<Value>,
-    /// The file with the results, once there is one.
-    results: Option<Results>,
-}
-
 impl Host {
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {

@@ -7,18 +7,10 @@ use pdk_session::connection::Pool;
 use pdk_session::session::{Options, Session};
 use serde_json::Value;
 
-use super::{BegunSearch, Host};
+use super::Host;
+use super::searches::BegunSearch;
 use crate::naming::run_name;
 use crate::tables;
-
-/// The searches of a run.
-#[derive(Default)]
-pub(super) struct Searches {
-    /// How many were begun.
-    begun: u64,
-    /// The session of the process of a strategy, between two searches.
-    strategist: Option<Session>,
-}
 
 impl Host {
     /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or

@@ -4,7 +4,7 @@ use pdk_lua::{ApiField, ApiRecord};
 use pdk_model::described::{count, joined};
 use pdk_model::perturbation::{MODIFIERS, Modifier};
 
-use super::field;
+use super::field::field;
 
 pub(super) const COMPONENT: ApiRecord = ApiRecord {
     name: "Component",

@@ -5,7 +5,7 @@ use pdk_model::described::{count, joined, picked};
 use pdk_model::outcome::{Measures, Outcome};
 use pdk_model::scenario::Scenario;
 
-use super::field;
+use super::field::field;
 use crate::requests::SHARED;
 
 pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {

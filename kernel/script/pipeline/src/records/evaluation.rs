@@ -2,7 +2,7 @@
 
 use pdk_lua::ApiRecord;
 
-use super::field;
+use super::field::field;
 
 pub(super) const EVALUATE_REQUEST: ApiRecord = ApiRecord {
     name: "EvaluateRequest",

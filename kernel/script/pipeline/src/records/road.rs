@@ -2,7 +2,7 @@
 
 use pdk_lua::ApiRecord;
 
-use super::field;
+use super::field::field;
 
 /// What `pdk.road` takes.
 pub const ROAD_REQUEST: ApiRecord = ApiRecord {

@@ -2,7 +2,7 @@
 
 use pdk_lua::ApiRecord;
 
-use super::field;
+use super::field::field;
 
 pub(super) const ESTIMATE: ApiRecord = ApiRecord {
     name: "Estimate",
