@@ -108,12 +108,21 @@ pub const EXAMPLES: &[Examples] = &[
         "report",
         &[("pdk report runs/quickstart-1 --open", "write the page about a run and show it in the browser")],
     ),
-    ("road", &[("pdk road --turns 3 --seed 4 -o road.png", "a road with three turns, drawn")]),
+    (
+        "road",
+        &[(
+            "pdk road --turns 3 --mean-curvature 0.02 --seed 4 -o road.svg",
+            "a road with three turns, drawn",
+        )],
+    ),
     (
         "replay",
         &[
             ("pdk replay runs/quickstart-1", "drive all scenarios again and compare"),
-            ("pdk replay runs/quickstart-1 --scenario 3 --clip failure.mp4", "a video of the third one"),
+            (
+                "pdk replay runs/quickstart-1 --scenario 6 --clip failure.mp4",
+                "a video of the failure in fog, scenario 6 (the first is 0)",
+            ),
         ],
     ),
     (

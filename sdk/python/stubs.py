@@ -26,7 +26,7 @@ from typing import Any, Literal, TypeAlias
 
 #: A perturbation with its intensity, parameters and modifiers.
 Applied: TypeAlias = dict[str, Any]
-#: 0 to 4, any number in between, or a course over time.
+#: Any number from 0 to 4, or a course over time.
 Level: TypeAlias = float | Mapping[str, Any]
 #: A number, or one for each of the five levels.
 ByLevel: TypeAlias = float | Sequence[float]

@@ -221,7 +221,7 @@ impl<'a> Engine<'a> {
             // The program is gone or does not answer, which says nothing about the scenario.
             (self.simulator, self.driver, self.bus) = (None, None, None);
             if !run.is_under_way() {
-                // It was waited for, and is not to be had: the next scenario would wait as long.
+                // The wait for it failed, so the next scenario would wait just as long.
                 return Err(error);
             }
             if warnings.len() + 1 == TRIES as usize {

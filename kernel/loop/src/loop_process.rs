@@ -58,7 +58,7 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         Ok(Found::End) => return Ok(()),
         _ => {
             return Err(Error::new(
-                "the worker's first message has to be `hello`; see docs/worker-protocol.md",
+                "the worker's first message is not `hello`; send `hello` first, as docs/worker-protocol.md describes",
             ));
         }
     };

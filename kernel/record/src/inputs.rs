@@ -15,7 +15,7 @@ const FEW: usize = 64;
 /// What stands for the size and the hash of a file that cannot be read.
 const UNREADABLE: (u64, [u8; 32]) = (u64::MAX, [0; 32]);
 
-/// Is told how many files of how many have been read; an error ends the reading.
+/// Called with the number of files read so far and the total. An error stops the reading.
 pub type Tick<'a> = dyn FnMut(usize, usize) -> Result<()> + 'a;
 
 /// The records of a group of files: one of all together, and one of each where they are few.

@@ -37,7 +37,9 @@ pub fn run() -> Result<()> {
         .spawn(move || lines::read_all(io::stdin().lock(), &from_session, Event::Session))
         .place("cannot start a thread")?;
     let Ok(Event::Session(Found::Message(ToWorker::Hello(hello)))) = events.recv() else {
-        return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
+        return Err(Error::new(
+            "the session's first message is not `hello`; send `hello` first, as docs/worker-protocol.md describes",
+        ));
     };
     if hello.protocol != VERSION {
         let reason = format!(

@@ -86,7 +86,7 @@ const SETTINGS: [Setting; 16] = [
         "sensor_noise",
         [0.0, 3.0, 5.0],
         (0.0, 60.0),
-        "of 255",
+        "grey levels",
         "standard deviation of the camera's noise in medium grey by day",
     ),
     fixed(

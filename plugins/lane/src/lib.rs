@@ -1,6 +1,6 @@
 //! The embedded simulator `lane` and the classical driver `lane_keeper`: a closed loop with nothing to install.
 //!
-//! The world is a two-lane road through grassland, with hills where the road has heights. It is described in the same terms everywhere: `x` to the right,
+//! The world is a two-lane road through countryside, with hills where the road has heights. It is described in the same terms everywhere: `x` to the right,
 //! `z` ahead, headings clockwise from `+z`, metres, seconds and radians. [`road`] turns what a scenario says into the
 //! centre line of the driven lane, [`vehicle`] moves the car, [`render`] draws what its camera sees, and [`simulator`]
 //! ties them together. The driver sees the image only; what it shares with the simulator is the [`camera`], which any

@@ -115,7 +115,11 @@ fn format_of(bytes: &[u8]) -> Result<ImageFormat> {
 }
 
 fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> Result<T> {
-    let image = file::read(path, LARGEST_FILE).and_then(|bytes| decode(&bytes)).and_then(convert);
+    let bytes = match path.try_exists() {
+        Ok(false) => Err(Error::new("it does not exist; check the path")),
+        _ => file::read(path, LARGEST_FILE),
+    };
+    let image = bytes.and_then(|bytes| decode(&bytes)).and_then(convert);
     image.map_err(|error| error.at(format_args!("image `{}`", path.display())))
 }
 
@@ -581,7 +585,7 @@ mod tests {
         assert!(!is_image(b"hello hello!") && !is_image(b""));
         assert_eq!(decode(b"hello").unwrap_err().message(), "it is not a JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
-        assert_eq!(missing.message(), "image `/no/such.jpg`: it does not exist");
+        assert_eq!(missing.message(), "image `/no/such.jpg`: it does not exist; check the path");
     }
 
     #[test]

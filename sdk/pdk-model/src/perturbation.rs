@@ -91,7 +91,7 @@ macro_rules! modifiers {
 /// The intensity, which is also written behind the name.
 const LEVEL: Modifier = Modifier {
     name: "level",
-    doc: "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds.",
+    doc: "Its intensity: any number from 0 to 4, or a course of such numbers over time in seconds.",
     details: "A number may also stand behind the name: `NAME@2.5`.",
     examples: &[
         "2.5",
@@ -124,14 +124,10 @@ modifiers! {
     }
     selection: Selection as "where", |name, value| placed(name, Selection::from_json(value)),
     "The pixels that are perturbed, by a saliency map of the frame as the camera saw it, by what they show, or by a mask." {
-        details: "`top`, `bottom` and `random` are shares in percent, of which exactly this many pixels are taken; `above` is a value \
-              from 0 to 1. `by` is a saliency method with its parameters, the model among them; `pdk list saliency` names them. \
-              A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
-              last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \
-              pixels, and `soft` blends the edges, all in pixels. \
-              `label` is what a simulator's own labels say that pixels show, `nearer` and `farther` are distances in metres along the \
-              camera's axis, from a simulator that knows them, and `mask` is a component that \
-              `pdk list mask` names, or a Lua file of one's own. Together with `region`, what both leave is perturbed.",
+        details: "`top`, `bottom`, `random` and `above` take a share of the frame from a map that the saliency method `by` makes, `label`, `nearer` \
+              and `farther` what a simulator knows of the pixels, and `mask` what another component or a script says. `every`, `change` \
+              and `follow` say when a map is made anew; `close`, `smallest` and `soft` smooth what was selected. Together with `region`, \
+              what both leave is perturbed.",
         examples: &[
         r#"{"top":20,"by":"METHOD,model=FILE.onnx"}"#,
         r#"{"bottom":20,"by":"METHOD,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,

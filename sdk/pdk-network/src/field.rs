@@ -69,10 +69,7 @@ pub const FIELDS: [Field; 21] = [
         "resize",
         Kind::Choice(&crate::resize::NAMES),
         "bilinear",
-        "the filter: bilinear, area and bicubic are OpenCV's, which average only with area (bicubic within one grey level, because OpenCV's \
-         depends on the processor); nearest, pil_bilinear and pil_bicubic are PIL's and torchvision's, of which the latter two average \
-         when they shrink. All have half-pixel centres, so nearest is not OpenCV's INTER_NEAREST but nearly INTER_NEAREST_EXACT; linear is pdk's own, which differs from \
-         bilinear by a grey level in the outermost rows of pictures that grow",
+        "the filter: bilinear, area and bicubic are OpenCV's, nearest, pil_bilinear and pil_bicubic are PIL's and torchvision's, and linear is pdk's own",
     ),
     field(
         "color",
@@ -189,12 +186,18 @@ fn parameter(field: &Field) -> Parameter {
 
 /// The fields as a table in Markdown, for the documents.
 pub fn table() -> String {
-    let mut table = "| field | may be | left out | |\n|---|---|---|---|\n".to_owned();
+    let mut table = "| field | may be | left out | meaning |\n|---|---|---|---|\n".to_owned();
     for Field { name, kind, default, doc } in FIELDS {
         let form = match kind {
             Kind::Choice(options) => options.iter().map(|o| format!("`{o}`")).collect::<Vec<_>>().join(", "),
-            Kind::Free(form) if form.contains(['[', '{', '"']) => format!("`{}`", form.replace('|', "\\|")),
-            Kind::Free(form) => form.to_owned(),
+            Kind::Free(form) if form.starts_with(['[', '{']) => format!("`{}`", form.replace('|', "\\|")),
+            // In a sentence only the texts in quotes are code.
+            Kind::Free(form) => {
+                form.split('"').enumerate().fold(String::new(), |form, (place, part)| match place % 2 {
+                    0 => form + part,
+                    _ => form + "`\"" + part + "\"`",
+                })
+            }
         };
         table.push_str(&format!("| `{name}` | {form} | {default} | {doc} |\n"));
     }

@@ -1,16 +1,11 @@
 //! "Did you mean": the known name that is nearest to a wrong one.
 
+use pdk_sdk::suggest::nearest;
+
 /// The end of a sentence about an unknown name: what was probably meant, or what there is.
 pub fn hint<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    let lower = wrong.to_lowercase();
-    let near = known
-        .clone()
-        .into_iter()
-        .map(|name| (strsim::jaro_winkler(&lower, &name.to_lowercase()), name))
-        .filter(|(similarity, _)| *similarity > 0.8)
-        .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(a.1)));
-    match near {
-        Some((_, name)) => format!("did you mean `{name}`?"),
+    match nearest(wrong, known.clone()) {
+        Some(name) => format!("did you mean `{name}`?"),
         None => {
             let known: Vec<String> = known.into_iter().map(|name| format!("`{name}`")).collect();
             match known.as_slice() {

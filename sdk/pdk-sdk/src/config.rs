@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use crate::describe::{Description, Kind, LEVELS, Parameter, ParameterType, between_levels};
 use crate::error::{Error, ErrorKind, Result};
+use crate::suggest::nearest;
 
 /// Checked values of a component's parameters.
 #[derive(Debug, Clone, Default)]
@@ -123,23 +124,24 @@ fn without_effect(description: &Description, parameter: &Parameter) -> Error {
 }
 
 fn unknown_parameter(description: &Description, name: &str) -> Error {
-    let mut known =
-        vec![description.parameters.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ")];
-    if description.kind == Kind::Perturbation {
+    let Description { kind, name: component, .. } = description;
+    let parameters: Vec<_> = description.parameters.iter().map(|p| p.name.as_str()).collect();
+    let modifiers: Vec<_> = match kind {
         // They are written like parameters.
-        let modifiers: Vec<_> = MODIFIERS.iter().map(|modifier| modifier.name).collect();
+        Kind::Perturbation => MODIFIERS.iter().map(|modifier| modifier.name).collect(),
+        _ => Vec::new(),
+    };
+    if let Some(meant) = nearest(name, parameters.iter().chain(&modifiers).copied()) {
+        return mistake(format!("{kind} `{component}` has no parameter `{name}`; did you mean `{meant}`?"));
+    }
+    let mut known = vec![parameters.join(", ")];
+    if !modifiers.is_empty() {
         known.push(format!("the modifiers {}", modifiers.join(", ")));
     }
     known.retain(|names| !names.is_empty());
-    mistake(if known.is_empty() {
-        format!("{} `{}` has no parameters, so `{name}` cannot be set", description.kind, description.name)
-    } else {
-        format!(
-            "{} `{}` has no parameter `{name}`; it has {}",
-            description.kind,
-            description.name,
-            known.join(", and ")
-        )
+    mistake(match known.is_empty() {
+        true => format!("{kind} `{component}` has no parameters, so `{name}` cannot be set"),
+        false => format!("{kind} `{component}` has no parameter `{name}`; it has {}", known.join(", and ")),
     })
 }
 
@@ -246,7 +248,11 @@ mod tests {
         assert!(error(json!({"size": 2.5})).ends_with("a whole number from 1 to 9"));
         assert_eq!(
             error(json!({"strenght": 1})),
-            "perturbation `fog` has no parameter `strenght`; it has strength, mode, size, and the modifiers level, probability, region, \
+            "perturbation `fog` has no parameter `strenght`; did you mean `strength`?"
+        );
+        assert_eq!(
+            error(json!({"zzz": 1})),
+            "perturbation `fog` has no parameter `zzz`; it has strength, mode, size, and the modifiers level, probability, region, \
              where, attention, draws"
         );
         let of = |description: Description| {
@@ -255,7 +261,7 @@ mod tests {
         };
         assert_eq!(
             of(Description::perturbation("fog", "Fog")),
-            "perturbation `fog` has no parameter `probabilty`; it has the modifiers level, probability, region, where, attention, draws"
+            "perturbation `fog` has no parameter `probabilty`; did you mean `probability`?"
         );
         assert_eq!(
             of(Description::driver("net", "A network")),

@@ -21,6 +21,7 @@ pub mod predictor;
 pub mod saliency;
 pub mod search;
 pub mod simulator;
+pub mod suggest;
 pub mod testing;
 pub mod timeline;
 

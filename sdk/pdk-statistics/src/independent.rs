@@ -8,11 +8,11 @@ use statrs::stats_tests::mannwhitneyu::{MannWhitneyUMethod, mannwhitneyu};
 /// How two samples differ.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Independent {
-    /// The probability that a value of the first sample is larger than one of the second, with ties as one half: 0.5 where they do
+    /// The probability that a value of the first sample is larger than one of the second, with ties as one half: 0.5 if they do
     /// not differ. A. Vargha, H. D. Delaney, "A critique and improvement of the CL common language effect size" (2000).
     pub effect_size: f64,
-    /// How likely such a difference is where both come from the same distribution: the two-sided test of Mann and Whitney, in its
-    /// normal approximation with corrections for ties and continuity.
+    /// The p-value of the two-sided Mann-Whitney test: how likely a difference of this size is if both come from the same distribution, in
+    /// the test's normal approximation with corrections for ties and continuity.
     pub p: f64,
 }
 

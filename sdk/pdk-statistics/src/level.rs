@@ -17,7 +17,8 @@ pub struct Trial {
 /// The level at which the probability of failing reaches one half.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FailingLevel {
-    /// The level; the lowest that was driven where it is reached there already, none if it is not reached up to the highest.
+    /// The level. It is the lowest level that was driven if the share is reached there already, and none if it is not reached at the
+    /// highest.
     pub level: Option<f64>,
     /// The lower end of its interval, a level that was driven, or 0 where half may fail at the lowest already: below it nothing is known.
     /// None if it lies above the highest.

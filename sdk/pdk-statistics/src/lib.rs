@@ -28,7 +28,8 @@
 //! `tests/coverage.rs` checks on made-up values with a known mean how often intervals cover it. With ten roads or more
 //! nominal 95 % of shares are 93 to 97 % in most conditions; they were 90 % at worst, for differences between drivers that are alike on
 //! roads that each have one sharp level. With five to eight roads they are 91 to 100 %. If failures are rare, or are those of a few
-//! roads, they are 97 to 100 %, because no interval ends below what as many roads as could have been missed may add: with eight roads 32 %.
+//! roads, they are 97 to 100 %, because the upper end of an interval is never below the share that roads not driven may
+//! add: 32 % with eight roads.
 //! Intervals of failing levels end at levels that were driven, so they cover in 97 % and more, and in all studies where roads are alike.
 //!
 //! A quantity without an end can have a long tail that few roads do not show. Of a lognormal one with sigma 1, intervals of the mean

@@ -13,7 +13,7 @@ class RunSettings(TypedDict, total=False):
     #: The seed that all random numbers come from [default: 0].
     seed: int | None
 
-    #: How many scenarios or frames are computed at the same time [default: one a processor; one for a simulator that pdk does not start].
+    #: How many scenarios or frames are computed at the same time [default: one for each processor; one for a simulator that pdk does not start].
     workers: int | None
 
     #: The folder of the record [default: runs/NAME-N].

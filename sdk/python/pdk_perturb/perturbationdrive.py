@@ -71,7 +71,7 @@ class ImagePerturbation:
         return list(self._funcs)
 
     def perturbation(self, image: Image, perturbation_name: str = "", intensity: float = 0) -> Image:
-        """Perturbs the next frame. Without a name it comes back as it is; an intensity is 0 to 4, any number in between."""
+        """Perturbs the next frame. Without a name it comes back as it is; an intensity is any number from 0 to 4."""
         if not perturbation_name:
             return image
         if own := self._functions.get(perturbation_name):

@@ -49,7 +49,7 @@ def _function(description):
     perturbation.__signature__ = _inspect.Signature([first, *named])
     perturbation.__name__ = perturbation.__qualname__ = name
     perturbation.__module__ = __name__
-    lines = [description["doc"] + ".", "", "level: 0 to 4, any number in between, or a course over time"]
+    lines = [description["doc"] + ".", "", "level: any number from 0 to 4, or a course over time"]
     lines += [f"{each['name']}: {each['doc']}" for each in description["parameters"]]
     perturbation.__doc__ = "\n".join(lines)
     return perturbation

@@ -183,7 +183,7 @@ fn a_cache_passes_and_what_changes_without_an_effect_is_noted() {
     assert!(
         checked
             .stdout
-            .contains("note `pdk show counts` would tell more with `family`, `mathematics`, `source`")
+            .contains("note add `family`, `mathematics` and `source`; `pdk show counts` prints them")
     );
     let json = Pdk::new(["check", "--json", "counts.lua"]).folder(folder.path()).succeed().json();
     assert_eq!(json["notes"].as_array().unwrap().len(), 2, "{json}");

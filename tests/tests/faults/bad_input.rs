@@ -401,7 +401,9 @@ fn a_pipeline_that_fails_says_where() {
     }
     fs::write(folder.path().join("binary.lua"), [0xff, 0xfe, 0, 1]).unwrap();
     Pdk::new(["run", "binary.lua"]).folder(folder.path()).fail(1, &["binary.lua"]);
-    Pdk::new(["run", "missing.lua"]).folder(folder.path()).fail(1, &["missing.lua"]);
+    Pdk::new(["run", "missing.lua"])
+        .folder(folder.path())
+        .fail(1, &["missing.lua (it does not exist); check the path"]);
     Pdk::new(["run", "."]).folder(folder.path()).fail(1, &["cannot read the pipeline"]);
     let unknown = Pdk::new(["run"]).arg(pipeline(folder.path(), "local x = 1")).set("speed", 3);
     unknown.fail(1, &["no setting `speed`"]);

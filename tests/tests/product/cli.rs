@@ -324,7 +324,9 @@ fn the_version_says_what_computes() {
     assert!(line("instructions").is_some_and(|text| !text.is_empty()), "{long}");
     // As a scenario records it.
     assert!(line("engine").is_some_and(|text| text.starts_with("tract ") && text.contains('/')), "{long}");
-    assert!(line("plugin interface").is_some(), "{long}");
+    let interface = line("plugin interface").and_then(|text| text.split_once(", SDK "));
+    let (interface, sdk) = interface.unwrap_or_else(|| panic!("{long}"));
+    assert!(interface.parse::<u64>().is_ok() && sdk.split('.').count() == 3, "{long}");
 }
 
 #[test]
@@ -470,7 +472,14 @@ fn a_road_is_printed_as_numbers_and_text_and_drawn() {
     );
     // A point at least every metre and a half.
     assert!(waypoints.count() as f64 > json["length"].as_f64().unwrap() / 1.5);
+    road(&["--turns", "3"]).fail(1, &["--turns and --mean-curvature belong together"]);
     road(&["--limit", "99"]).fail(1, &["`limit` is 99", "from 0 to 90 degrees"]);
     road(&["--angles", "0,30", "--seed", "3", "--turns", "1"]).fail(1, &["`angles` say all"]);
+    let negative = road(&["--seed", "-1"]).run();
+    assert!(
+        negative.code == Some(2) && negative.stderr.contains("`-1` is not a seed"),
+        "{}",
+        negative.stderr
+    );
     road(&["-o", "missing/road.svg"]).fail(1, &["cannot write missing/road.svg"]);
 }

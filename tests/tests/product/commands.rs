@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::Path;
 
+use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository, target_folder, temp};
 
 /// Commands that are not run, by their beginnings, and why.
@@ -146,6 +147,33 @@ fn commands_that_drive_work_as_they_stand() {
         let these = commands.iter().filter(|(_, command)| is_run(command) && command.starts_with(beginning));
         for (page, command) in these {
             run(page, command, folder.path());
+        }
+    }
+}
+
+/// Beginnings of the examples in help that need no files.
+const OF_THEIR_OWN: [&str; 7] = [
+    "pdk list",
+    "pdk show fog_filter",
+    "pdk new perturbation",
+    "pdk new driver",
+    "pdk doctor",
+    "pdk road",
+    "pdk cache",
+];
+
+#[test]
+fn examples_in_help_that_need_no_files_work() {
+    let examples =
+        || PRODUCT.examples.iter().flat_map(|(_, examples)| *examples).map(|(example, _)| *example);
+    // A program of someone else would have to be there.
+    let is_run = |example: &&str| !example.contains("--simulator");
+    for beginning in OF_THEIR_OWN {
+        let these: Vec<_> =
+            examples().filter(|example| example.starts_with(beginning)).filter(is_run).collect();
+        assert!(!these.is_empty(), "no example in help begins with `{beginning}`");
+        for example in these {
+            run("help", example, temp().path());
         }
     }
 }

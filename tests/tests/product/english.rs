@@ -91,6 +91,97 @@ fn comments_and_messages_are_in_plain_english() {
     assert!(found.is_empty(), "docs/STYLE.md rules these out:\n{}", found.join("\n"));
 }
 
+#[test]
+fn no_text_is_one_that_the_style_replaced() {
+    let style = fs::read_to_string(repository().join("docs/STYLE.md")).unwrap();
+    let replaced = replaced(&style);
+    assert!(replaced.len() > 20, "{replaced:?}");
+    let pages = DOCUMENTS.iter().flat_map(|document| files(document, &["md"]));
+    let sources =
+        SOURCES.iter().flat_map(|folder| files(folder, &["rs", "lua", "luau", "py", "pyi", "html"]));
+    let mut found = Vec::new();
+    for file in pages.chain(sources) {
+        // Descriptions of components are searched where they are written.
+        if NOT_DOCUMENTS.iter().chain(&NOT_SOURCES).any(|not| file.starts_with(not)) {
+            continue;
+        }
+        let text = joined(&fs::read_to_string(repository().join(&file)).unwrap());
+        let still = replaced.iter().filter(|replaced| replaced.is_in(&text));
+        found.extend(still.map(|Replaced { before, .. }| format!("{file}: {before}")));
+    }
+    assert!(found.is_empty(), "docs/STYLE.md has better texts for these:\n{}", found.join("\n"));
+}
+
+/// A row of the tables of docs/STYLE.md, as [`joined`] writes it.
+#[derive(Debug)]
+struct Replaced {
+    before: String,
+    after: String,
+}
+
+impl Replaced {
+    /// Whether a text has the one before. Some begin the one after, which does not count.
+    fn is_in(&self, text: &str) -> bool {
+        let after = self.after.find(&self.before);
+        text.match_indices(&self.before).any(|(place, _)| {
+            let is_after =
+                |at: usize| place.checked_sub(at).is_some_and(|start| text[start..].starts_with(&self.after));
+            !after.is_some_and(is_after)
+        })
+    }
+}
+
+/// The rows of the tables of docs/STYLE.md.
+fn replaced(style: &str) -> Vec<Replaced> {
+    let rows =
+        style.lines().filter_map(|line| line.strip_prefix("| ")?.strip_suffix(" |")?.split_once(" | "));
+    let rows = rows.map(|(before, after)| Replaced { before: joined(before), after: joined(after) });
+    rows.filter(|row| row.before != "before").collect()
+}
+
+/// A text with one space between words, without the marks of comments and of continued lines, and with `{}` for each placeholder.
+fn joined(text: &str) -> String {
+    let mut words: Vec<&str> = Vec::new();
+    for line in text.lines() {
+        let line = line.trim().trim_end_matches('\\');
+        let comment = ["///", "//!", "//", "---", "--", "#:", "#"];
+        words.extend(
+            comment.iter().find_map(|mark| line.strip_prefix(mark)).unwrap_or(line).split_whitespace(),
+        );
+    }
+    let text = words.join(" ");
+    let mut parts = text.split('{');
+    let mut joined = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        // A placeholder has no spaces, a block of code or a table of Lua has.
+        let rest = part.split_once('}').filter(|(name, _)| !name.contains(' ')).map(|(_, rest)| rest);
+        joined.push_str(if rest.is_some() { "{}" } else { "{" });
+        joined.push_str(rest.unwrap_or(part));
+    }
+    joined
+}
+
+#[test]
+fn a_replaced_text_is_found_over_lines_and_with_other_placeholders() {
+    let style = "| before | after |\n|---|---|\n| `{text}` is no part of a run | `{text}` is not a part of a run |\n\
+                 | there are no pictures | there are no pictures; name one |\n";
+    let replaced = replaced(style);
+    assert_eq!(
+        replaced.iter().map(|row| &*row.before).collect::<Vec<_>>(),
+        ["`{}` is no part of a run", "there are no pictures"]
+    );
+    let finds = |row: usize, text: &str| replaced[row].is_in(&joined(text));
+    assert!(finds(0, "/// If `{name:?}` is\n    /// no part of a run."));
+    assert!(finds(
+        0,
+        "fn f() {\n    Error::new(format!(\"`{}` is no part \\\n         of a run; see {place}\"))\n}\n"
+    ));
+    assert!(finds(0, "--- `{x}` is no\n    --- part of a run"));
+    assert!(!finds(0, "`{text}` is not a part of a run") && !finds(0, "`text` is no part of a run"));
+    assert!(finds(1, "// there are no\n// pictures"));
+    assert!(!finds(1, "\"there are no pictures; name one\""));
+}
+
 /// Names of test functions that are not plain sentences.
 fn odd_names(source: &str) -> Vec<&str> {
     let names = source.lines().filter_map(|line| line.trim().strip_prefix("fn ")?.split_once("() {"));

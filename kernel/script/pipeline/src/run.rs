@@ -84,6 +84,7 @@ fn unreadable(pipeline: &Path, error: &Error) -> Error {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
     let hint = match product::get().pipelines.iter().any(|script| script.name == name) {
         true => format!("; the one that comes with pdk is `pdk run {name}`"),
+        false if matches!(pipeline.try_exists(), Ok(false)) => "; check the path".to_owned(),
         false => String::new(),
     };
     Error::new(format!("cannot read the pipeline {} ({error}){hint}", pipeline.display()))

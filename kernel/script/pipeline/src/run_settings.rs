@@ -68,9 +68,9 @@ macro_rules! run_settings {
 run_settings! {
     seed: u64 = 0, SEED, "the seed that all random numbers come from", " [default: 0]";
     workers: Option<usize> = None, WORKERS, "how many scenarios or frames are computed at the same time",
-        " [default: one a processor; one for a simulator that pdk does not start]";
+        " [default: one for each processor; one for a simulator that pdk does not start]";
     out: Option<PathBuf> = None, FOLDER, "the folder of the record", " [default: runs/NAME-N]", 'o' "output";
-    engine: Option<String> = None, TEXT, "who runs networks whose `engine` is not set, such as onnxruntime", "";
+    engine: Option<String> = None, TEXT, "the engine for networks that do not set one, such as onnxruntime", "";
     patience: Duration = DEFAULT_PATIENCE, SECONDS, "how many seconds one call of a component may take", " [default: 60]";
     memory: u64 = DEFAULT_MEMORY, MEBIBYTES, "how much memory a worker may take, in MiB", " [default: 4096]";
     pool: Option<String> = None, COMMAND, "a command that provides workers, in the place of this machine's",

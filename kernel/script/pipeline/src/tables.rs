@@ -36,8 +36,14 @@ pub fn checked_name(name: &Value) -> Result<&str> {
 pub fn render(header: &Value, rows: &Value) -> Result<String> {
     let texts: Option<Vec<&str>> =
         header.as_array().filter(|h| !h.is_empty()).and_then(|h| h.iter().map(Value::as_str).collect());
-    let header = texts.ok_or_else(|| Error::new("pdk.table: the header has to be a list of texts"))?;
-    let rows = rows.as_array().ok_or_else(|| Error::new("pdk.table: the rows have to be a list of lists"))?;
+    let header = texts.ok_or_else(|| {
+        Error::new(
+            "pdk.table: the header is not a list of texts; write one such as { \"driver\", \"level\" }",
+        )
+    })?;
+    let rows = rows.as_array().ok_or_else(|| {
+        Error::new("pdk.table: the rows are not a list of lists; write one such as { { \"dave2\", 2 } }")
+    })?;
     let columns = header.len();
     let mut table = table(header);
     for (i, row) in rows.iter().enumerate() {

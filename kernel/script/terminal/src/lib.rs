@@ -5,11 +5,10 @@ pub mod text;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A progress bar on standard error with these numbers behind it; nothing if standard error is not a terminal.
+/// A progress bar on standard error, followed by these numbers. Draws nothing if standard error is not a terminal.
 pub fn progress(quiet: bool, numbers: &str) -> ProgressBar {
     let target = match quiet {
         true => ProgressDrawTarget::hidden(),
-        // Draws nothing if standard error is not a terminal.
         false => ProgressDrawTarget::stderr(),
     };
     let bar = ProgressBar::with_draw_target(None, target);

@@ -91,7 +91,7 @@ impl Dispatch {
                 if !killed || self.workers.stillborn == TRIES {
                     let sentence = match end {
                         Some(end) => {
-                            format!("{name} ended before it was ready ({end}); what it wrote above says why")
+                            format!("{name} ended before it was ready ({end}); see its output above")
                         }
                         None => format!(
                             "{name} closed its output before it was ready, and did not end; it has to answer there"

@@ -54,7 +54,9 @@ pub fn stacked(above: &RgbImage, below: &RgbImage) -> RgbImage {
 /// # Errors
 /// If there are none.
 pub fn row(pictures: &[RgbImage]) -> Result<RgbImage> {
-    let first = pictures.first().ok_or_else(|| Error::new("there are no pictures to put side by side"))?;
+    let first = pictures
+        .first()
+        .ok_or_else(|| Error::new("there are no pictures to put side by side; name at least one image"))?;
     let count = pictures.len() as u32;
     let mut row = RgbImage::from_pixel(first.width() * count + GAP * (count - 1), first.height(), PAPER);
     for (position, picture) in pictures.iter().enumerate() {

@@ -42,9 +42,9 @@ fn index(perturbations: &[&Description]) -> String {
     });
     format!(
         "# Perturbations\n\n{GENERATED}\n\n\
-         Every perturbation takes an intensity from 0 to 4, any number in between. Static ones look at one frame, dynamic \
-         ones move over time. The default set are those that keep a scene valid.\n\n\
-         | family | perturbation | | default | what it does |\n|---|---|---|---|---|\n{}\n\
+         Every perturbation takes an intensity, any number from 0 to 4. Static ones look at one frame, dynamic ones move \
+         over time. The default set are those that keep a scene valid.\n\n\
+         | family | perturbation | motion | default | what it does |\n|---|---|---|---|---|\n{}\n\
          ## Modifiers\n\nEvery perturbation takes these besides its own parameters, in the same way: `NAME,MODIFIER=VALUE` on \
          the command line, `{{ name = ..., MODIFIER = ... }}` in Lua.\n\n{}",
         rows.collect::<String>(),

@@ -63,7 +63,7 @@ mod tests {
         let dark = |y: u32| (0..80).any(|x| image.get_pixel(x, y)[0] < 100);
         assert!((20..40).any(dark));
         assert!(!(0..20).any(dark) && !(41..60).any(dark));
-        // Nothing happens where there is no room.
+        // Does nothing if there is no room.
         draw(&mut image, 70, 55, "over the edge");
     }
 }

@@ -50,8 +50,8 @@ struct Film {
     gauges: [Gauge; 4],
     /// Frames a second.
     rate: f64,
-    /// From when on frames are marked, in seconds, and with what; nothing if the scenario did not fail.
-    marked: Option<(f64, &'static str)>,
+    /// When the scenario failed, in seconds, and how; none if it did not fail.
+    failure: Option<(f64, &'static str)>,
     /// The picture that was written last, without a mark.
     last: RgbImage,
     /// The number of the next frame.
@@ -184,9 +184,7 @@ impl Film {
             column += 1;
             gauge
         });
-        // Half a millisecond allows for times that are sums of rounded frame times.
-        let marked =
-            (!outcome.success).then(|| (outcome.time - MARKED_SECONDS - 0.0005, outcome.cause.text()));
+        let failure = (!outcome.success).then(|| (outcome.time, outcome.cause.text()));
         Ok(Self {
             writer,
             layout,
@@ -196,7 +194,7 @@ impl Film {
             base,
             gauges,
             rate: *rate,
-            marked,
+            failure,
             next: 0,
         })
     }
@@ -230,7 +228,7 @@ impl Film {
     /// Completes the video of a scenario that came to this end.
     fn finish(mut self, outcome: &Outcome) -> Result<()> {
         self.repeat_to(outcome.frames + outcome.skipped_frames)?;
-        if self.marked.is_some() {
+        if self.failure.is_some() {
             for _ in 0..(self.rate * HELD_SECONDS).round() as u64 {
                 self.write(outcome.time)?;
             }
@@ -248,10 +246,11 @@ impl Film {
     /// Writes the last picture as that of this time in seconds.
     fn write(&mut self, time: f64) -> Result<()> {
         let (width, height) = (self.last.width() as usize, self.last.height() as usize);
-        match self.marked {
-            Some((from, cause)) if time >= from => {
+        match self.failure {
+            // Half a millisecond allows for times that are sums of rounded frame times.
+            Some((end, cause)) if time >= end - MARKED_SECONDS - 0.0005 => {
                 let mut picture = self.last.clone();
-                self.layout.mark(&mut picture, cause);
+                self.layout.mark(&mut picture, &announced(cause, end - time));
                 self.writer.push(Frame::new(&picture, width, height).map_err(Error::new)?)
             }
             _ => self.writer.push(Frame::new(&self.last, width, height).map_err(Error::new)?),
@@ -309,7 +308,7 @@ impl Layout {
     }
 
     /// Marks a picture of the last moments before a failure.
-    fn mark(&self, picture: &mut RgbImage, cause: &str) {
+    fn mark(&self, picture: &mut RgbImage, text: &str) {
         let (width, height) = self.shown;
         for left in (0..self.panels).map(|panel| self.left(panel)) {
             fill(picture, [left, HEADER], [width, MARK], FAILURE);
@@ -319,7 +318,16 @@ impl Layout {
         }
         let bottom = HEADER + height - MARK - LINE_HEIGHT - 4;
         fill(picture, [self.left(1), bottom], [width, LINE_HEIGHT + 4], FAILURE);
-        draw_in(picture, self.left(1) + MARGIN, bottom + 2, cause, WHITE);
+        draw_in(picture, self.left(1) + MARGIN, bottom + 2, text, WHITE);
+    }
+}
+
+/// What the mark says this many seconds before a failure, such as "lane departure in 0.8 s"; the cause alone once it has happened.
+fn announced(cause: &str, seconds: f64) -> String {
+    // Less is "in 0.0 s", which is now.
+    match seconds < 0.05 {
+        true => cause.to_owned(),
+        false => format!("{cause} in {seconds:.1} s"),
     }
 }
 
@@ -432,6 +440,15 @@ mod tests {
         let seen = watch(&video);
         assert_eq!(seen.len(), 11);
         assert!(seen.iter().all(|(marked, _)| !marked));
+    }
+
+    #[test]
+    fn a_failure_is_announced_until_it_happens() {
+        assert_eq!(announced("lane departure", 0.8), "lane departure in 0.8 s");
+        assert_eq!(announced("lane departure", 0.05), "lane departure in 0.1 s");
+        for seconds in [0.04, 0.0, -0.01] {
+            assert_eq!(announced("lane departure", seconds), "lane departure");
+        }
     }
 
     #[test]

@@ -58,7 +58,7 @@ impl Recorded {
 /// its id, or by a beginning of its id that no other has. `place` is what errors call the record.
 ///
 /// # Errors
-/// If a text names no scenario, or several.
+/// If a text does not name a scenario, or names several.
 pub fn select(lines: Vec<Line>, wanted: &[String], place: &str) -> Result<Vec<Recorded>> {
     let mut scenarios: BTreeMap<u64, Line> = (0..).zip(lines).collect();
     if !wanted.is_empty() {
@@ -80,7 +80,7 @@ fn find(scenarios: &BTreeMap<u64, Line>, text: &str, place: &str) -> Result<u64>
     }
     if !(SHORTEST_ID..=ID).contains(&text.len()) || !text.bytes().all(|c| c.is_ascii_hexdigit()) {
         return Err(Error::new(format!(
-            "`{text}` names no scenario; write its number, from 0 to {last}, its id, or the first {SHORTEST_ID} or more of the {ID} \
+            "`{text}` does not name a scenario; write its number, from 0 to {last}, its id, or the first {SHORTEST_ID} or more of the {ID} \
              hexadecimal digits of that"
         )));
     }
@@ -143,7 +143,7 @@ mod tests {
         assert!(error("abcdef14").starts_with("run holds no scenario whose id begins with abcdef14; "));
         for text in ["", "abcde", "nominal", "-1", "1.5", &"a".repeat(33)] {
             assert!(
-                error(text).starts_with(&format!("`{text}` names no scenario; write its number")),
+                error(text).starts_with(&format!("`{text}` does not name a scenario; write its number")),
                 "{text}"
             );
         }

@@ -1,5 +1,5 @@
 //! Makes a scenario that failed as small as it can be and still fail: a shorter chain, lower intensities, a simpler and shorter road, a
-//! shorter drive. Then says how often what is left fails under new luck.
+//! shorter drive. Then says how often what is left fails with other random draws.
 //!
 //! A smaller scenario counts as one that still fails where it ends for the same cause. Everything is tried under the scenario's own
 //! seed; what depends on luck shows in the share of fresh seeds under which the result fails. Attempts that do not depend on each
@@ -110,7 +110,7 @@ impl Shrinking<'_> {
     /// Drives scenarios, and returns their outcomes in the same order.
     fn drive(&mut self, scenarios: Vec<Scenario>) -> Result<Vec<Outcome>> {
         self.attempts += scenarios.len();
-        self.progress.set_message(format!("{} attempts", self.attempts));
+        self.progress.set_message(format!("{} drives", self.attempts));
         let mut tickets = Vec::with_capacity(scenarios.len());
         for scenario in scenarios {
             let name = scenario.default_name();
@@ -292,7 +292,10 @@ fn number(value: f64) -> Value {
 pub fn luck(shrunk: &Shrunk) -> String {
     let (failed, all) = shrunk.failed;
     share(failed as u64, all as u64, CONFIDENCE).map_or_else(String::new, |Estimate { low, high, .. }| {
-        format!("Under new luck it fails in {failed} of {all} drives: a probability of {low:.2} to {high:.2}")
+        format!(
+            "With other random draws it fails in {failed} of {all} drives; the probability of failure is {low:.2} to {high:.2} ({:.0} %)",
+            100.0 * CONFIDENCE
+        )
     })
 }
 

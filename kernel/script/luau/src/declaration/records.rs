@@ -111,7 +111,7 @@ pub const CONTEXT: ApiRecord = ApiRecord {
     name: "Context",
     doc: "What a perturbation knows about the frame at hand.",
     fields: &[
-        field("intensity", "number", "The intensity: 0 to 4, any number in between."),
+        field("intensity", "number", "The intensity: any number from 0 to 4."),
         field("frame_index", "number", "The number of the frame in its sequence, from 0."),
         field("time", "number", "Simulation time in seconds since the start of the sequence."),
         field("frame_random", "Random", "Random numbers that are drawn anew for every frame."),

@@ -82,7 +82,7 @@ pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
         field(
             "objectives",
             "{ [string]: \"minimise\" | \"maximise\" }",
-            "What is to be best. Several are a compromise: what no other is better than in all of them.",
+            "The objectives. With several, the result is the set of candidates that no other candidate dominates.",
         ),
         field("strategy", "string | Component | SearchStrategy", "Who proposes: see `pdk list search`."),
         field(

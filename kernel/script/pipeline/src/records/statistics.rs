@@ -42,13 +42,13 @@ pub(super) const INDEPENDENT: ApiRecord = ApiRecord {
         field(
             "effect_size",
             "number",
-            "The probability that a value of the first is larger than one of the second, with ties as one half: 0.5 where they do \
+            "The probability that a value of the first is larger than one of the second, with ties as one half: 0.5 if they do \
              not differ (Vargha and Delaney's A).",
         ),
         field(
             "p",
             "number",
-            "How likely such a difference is where they do not differ: the two-sided test of Mann and Whitney.",
+            "The p-value of the two-sided Mann-Whitney test: how likely a difference of this size is if the two do not differ.",
         ),
     ],
 };

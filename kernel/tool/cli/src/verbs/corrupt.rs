@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long)]
     plain: bool,
     /// The seed that all random numbers come from, with the path of each picture
-    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// How many files are done at a time [default: one for each processor]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=40))]

@@ -67,7 +67,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 fn print_perturbations(components: &[&Entry]) {
-    let mut table = table(["family", "perturbation", "", "default", "what it does"]);
+    let mut table = table(["family", "perturbation", "motion", "default", "what it does"]);
     let mut family = "";
     for component in components {
         let description = &component.description;

@@ -134,7 +134,7 @@ enum Verb {
     Check(check::Arguments),
     /// Install, list and remove plugins
     Plugin(plugin::Arguments),
-    /// Say what is installed, what is missing and what to do
+    /// Report what is installed and what is missing
     Doctor(doctor::Arguments),
     /// Write a page about a run: what failed, when, where and how often
     Report(report::Arguments),
@@ -158,7 +158,7 @@ enum Verb {
         /// The libraries
         libraries: Vec<PathBuf>,
     },
-    /// Show or clear what components keep because it took long to prepare
+    /// Show or clear the cache of clips and saliency maps
     Cache(cache::Arguments),
     /// Write the completions for a shell to standard output
     Completions(completions::Arguments),

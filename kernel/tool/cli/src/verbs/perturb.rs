@@ -34,7 +34,7 @@ pub struct Arguments {
     #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// The seed that all random numbers come from
-    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     /// The number of the frame that the image stands for, or the first frame of the video
     #[arg(long, default_value_t = 0)]

@@ -46,7 +46,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "model")]
     method: Option<String>,
     /// The seed that all random numbers come from
-    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
 }
 

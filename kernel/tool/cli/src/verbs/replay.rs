@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
     #[arg(long = "scenario", value_name = "N|ID")]
     scenarios: Vec<String>,
-    /// How many scenarios are driven at the same time [default: one a processor; one for a simulator that pdk does not
+    /// How many scenarios are driven at the same time [default: one for each processor; one for a simulator that pdk does not
     /// start]
     #[arg(long, value_name = "N", conflicts_with = "pool")]
     workers: Option<NonZeroUsize>,

@@ -20,7 +20,7 @@ pub struct Arguments {
     #[arg(long, value_name = "METRES")]
     segment: Option<f64>,
     /// The seed of the draws
-    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
     #[arg(long, value_name = "DEGREES", help = doc("limit"))]
     limit: Option<u64>,
@@ -63,9 +63,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         && path.extension().is_none_or(|ending| ending != "svg")
     {
         return Err(Error::new(format!(
-            "{} does not end in .svg, and roads are drawn as SVG only",
+            "{} does not end in .svg, and roads are drawn as SVG only; name a file such as road.svg",
             path.display()
         )));
+    }
+    if angles.is_none() && turns.is_some() != mean_curvature.is_some() {
+        return Err(Error::new("--turns and --mean-curvature belong together; give both or neither"));
     }
     let (road, lengths) = road::build(Value::Object(request), *seed)?;
     if let Some(path) = output {

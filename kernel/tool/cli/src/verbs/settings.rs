@@ -78,6 +78,8 @@ fn flag(setting: &'static Setting) -> Arg {
     match setting.value_name {
         Some(name) => flag
             .value_name(name)
+            // The setting itself says that it cannot be negative.
+            .allow_negative_numbers(true)
             .value_parser(OsStringValueParser::new().try_map(|value| setting.check(&value).map(|()| value))),
         None => flag.action(ArgAction::SetTrue),
     }

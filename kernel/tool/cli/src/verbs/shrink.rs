@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Under how many fresh seeds what is left is driven
     #[arg(long, value_name = "N", default_value_t = 20)]
     draws: usize,
-    /// How many scenarios are driven at the same time [default: one a processor; one for a simulator that pdk does not
+    /// How many scenarios are driven at the same time [default: one for each processor; one for a simulator that pdk does not
     /// start]
     #[arg(long, value_name = "N")]
     workers: Option<NonZeroUsize>,
@@ -116,7 +116,7 @@ fn print(shrunk: &Shrunk, arguments: &Arguments) {
         println!("Nothing of it can be left out.");
     }
     println!(
-        "{}: {} after {:.2} s, in {attempts} attempts",
+        "{}: {} after {:.2} s; found in {attempts} drives",
         scenario.default_name(),
         outcome.cause.text(),
         outcome.time

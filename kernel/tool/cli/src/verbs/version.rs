@@ -6,13 +6,14 @@ use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_sdk::SDK_VERSION;
+use pdk_sdk::abi::pdk_abi;
 use pdk_sdk::ops::instructions_in_use;
 
 /// The version with a line for each further fact.
 pub fn long() -> String {
     let mut lines = vec![
         env!("CARGO_PKG_VERSION").to_owned(),
-        format!("plugin interface: {SDK_VERSION}"),
+        format!("plugin interface: {}, SDK {SDK_VERSION}", pdk_abi::VERSION),
         format!("instructions: {}", instructions_in_use()),
     ];
     lines.extend(settled());

@@ -77,8 +77,16 @@ fn unsaid(description: &Description) -> Option<String> {
     ];
     let missing: Vec<_> =
         fields.iter().filter(|(_, text)| text.is_empty()).map(|(name, _)| format!("`{name}`")).collect();
-    (!missing.is_empty())
-        .then(|| format!("`pdk show {}` would tell more with {}", description.name, missing.join(", ")))
+    let missing = match missing.as_slice() {
+        [] => return None,
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    };
+    Some(format!(
+        "add {missing}; `pdk show {}` prints {}",
+        description.name,
+        if missing.contains(' ') { "them" } else { "it" }
+    ))
 }
 
 /// A perturbation in Lua with parameters.

@@ -59,7 +59,7 @@ pub struct Arguments {
     #[arg(long)]
     curves: bool,
     /// The seed that all random numbers come from
-    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
 }
 
