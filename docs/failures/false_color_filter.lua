@@ -1,5 +1,5 @@
 -- false_color_filter@0: lane departure after 1.20 s.
--- Under new luck it fails in 20 of 20 drives: a probability of 0.84 to 1.00.
+-- With other random draws it fails in 20 of 20 drives; the probability of failure is 0.84 to 1.00 (95 %).
 --
 --   pdk run false_color_filter.lua
 

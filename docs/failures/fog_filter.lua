@@ -1,5 +1,5 @@
 -- fog_filter@3.25: lane departure after 6.50 s.
--- Under new luck it fails in 20 of 20 drives: a probability of 0.84 to 1.00.
+-- With other random draws it fails in 20 of 20 drives; the probability of failure is 0.84 to 1.00 (95 %).
 --
 --   pdk run fog_filter.lua
 
