@@ -1,4 +1,4 @@
--- The built-in simulator in easy, standard and hard conditions, and at night.
+-- The embedded simulator in easy, standard and hard conditions, and at night.
 
 local function lane(parameters)
 	parameters.name = "lane"
