@@ -1,8 +1,8 @@
 //! Where points, boxes and the pixels of masks go.
 
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray2, PyArrayLike2, PyArrayMethods};
-use pdk_chain::labels::Labels;
 use pdk_chain::moment::Moment;
+use pdk_labels::Labels;
 use pdk_sdk::error::Result;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

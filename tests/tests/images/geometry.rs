@@ -1,10 +1,10 @@
 //! Every perturbation says what it does to the places of things, and its pixels agree.
 
 use pdk_chain::chain::Chain;
-use pdk_chain::labels::Labels;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
+use pdk_labels::Labels;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_preview::preview;
 use pdk_sdk::describe::{Geometry, Kind};

@@ -7,7 +7,8 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository};
 
 /// Names that are English words too. They may stand in a sentence, but not alone, in quotes or before a parameter.
-const WORDS: &[&str] = &["contrast", "folder", "gradient", "grid", "lane", "network", "pictures", "process", "random", "video"];
+const WORDS: &[&str] =
+    &["contrast", "folder", "gradient", "grid", "lane", "network", "pictures", "process", "random", "video"];
 
 /// Names that are something else in one place: the name, the beginning of the path, and what it is there.
 const OTHERWISE: &[(&str, &str, &str)] = &[

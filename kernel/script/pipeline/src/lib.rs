@@ -16,7 +16,7 @@
 //! | `naming` | the names of runs on their topics |
 //! | `levels` | levels that are functions of time |
 //! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
-//! | `evaluation` | the offline loop: frames to lines and sums |
+//! | `evaluation` | the offline loop: frames to lines and sums; [`readers`] finds which dataset reader a recording needs |
 //! | [`run_settings`] | what can be set for every run |
 //! | [`overrides`] | `--set` |
 //! | [`settings`] | the settings of a pipeline |
@@ -38,6 +38,7 @@ mod outcomes;
 pub mod overrides;
 #[cfg(test)]
 mod python;
+pub mod readers;
 pub mod records;
 pub mod remote;
 mod requests;

@@ -1,9 +1,9 @@
 //! Whether the labels of a dataset can be moved along under all conditions.
 
 use pdk_chain::chain::Chain;
-use pdk_chain::labels::Labels;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
+use pdk_labels::Labels;
 use pdk_sdk::describe::{Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
 

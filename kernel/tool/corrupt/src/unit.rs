@@ -5,9 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use pdk_chain::chain::Chain;
-use pdk_chain::labels::Labels;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
+use pdk_labels::Labels;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Place, Result};

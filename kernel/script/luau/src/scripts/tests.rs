@@ -80,7 +80,9 @@ fn a_perturbation_that_is_not_returned_is_reported() {
     ] {
         let error = error(folder, source);
         assert!(
-            error.starts_with("foo.lua: the script returns nothing, but has to return a table, as in return {"),
+            error.starts_with(
+                "foo.lua: the script returns nothing, but has to return a table, as in return {"
+            ),
             "{error}"
         );
     }

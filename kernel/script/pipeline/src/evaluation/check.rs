@@ -193,7 +193,9 @@ mod tests {
         );
         assert!(judged(|_| 1.0).unwrap().contains("steers to a limit (-1 or 1) on 100 % of the frames"));
         assert!(
-            judged(|truth| if truth > 0.565 { truth } else { 0.2 }).unwrap().contains("same steering on 97 %")
+            judged(|truth| if truth > 0.565 { truth } else { 0.2 })
+                .unwrap()
+                .contains("same steering on 97 %")
         );
         let silent = Check::of(&[(Control::default(), Control::default()); 20], 80);
         assert!(

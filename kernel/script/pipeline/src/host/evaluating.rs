@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pdk_components::readers;
+use crate::readers;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};

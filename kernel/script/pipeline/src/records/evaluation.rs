@@ -146,11 +146,7 @@ pub(super) const TASK_REQUEST: ApiRecord = ApiRecord {
             "string | Component",
             "A folder that any reader may open, or a reader with its parameters.",
         ),
-        field(
-            "predictor",
-            "string | Component",
-            "The predictor under test, with its `model`.",
-        ),
+        field("predictor", "string | Component", "The predictor under test, with its `model`."),
         field("task", "Task", "The metric with the labels."),
         field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
         field("levels", "{ number }", "The intensities at which each is applied."),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use pdk_chain::labels::{Edges, Labels, area};
+use pdk_labels::{Edges, Labels, area};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value, json};
 

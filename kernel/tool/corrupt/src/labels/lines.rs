@@ -1,6 +1,6 @@
 //! Lines of points, such as those of lanes, as CULane has them: a line each, `x y x y ...` in pixels.
 
-use pdk_chain::labels::Labels;
+use pdk_labels::Labels;
 use pdk_sdk::error::Result;
 
 use super::text::{each_line, number, numbers, pairs};

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use pdk_chain::labels::Labels;
+use pdk_labels::Labels;
 use pdk_sdk::error::{Error, Place, Result};
 use png::{Decoder, Encoder, Transformations};
 

@@ -1,6 +1,6 @@
 //! Boxes and polygons as YOLO has them: a line each, with a class and shares of the picture's width and height.
 
-use pdk_chain::labels::{Labels, area};
+use pdk_labels::{Labels, area};
 use pdk_sdk::error::{Error, Result};
 
 use super::text::{each_line, number, numbers, pairs};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_components::readers;
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
+use pdk_pipeline::readers;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Dataset;
 use pdk_supervise::calls::{self, Function};

@@ -6,8 +6,8 @@
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::Way;
 
-use crate::chain::Chain;
-use crate::moment::Moment;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
 
 /// Points on each side of a box that are moved, so that its hull is right where sides are bent.
 const ON_A_SIDE: usize = 8;

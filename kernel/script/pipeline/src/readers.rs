@@ -3,7 +3,7 @@
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 
-use crate::catalog::Catalog;
+use pdk_components::catalog::Catalog;
 
 /// Opens a folder or file with the first dataset reader that can. `make` makes an instance of one.
 ///
