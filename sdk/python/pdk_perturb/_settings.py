@@ -19,7 +19,7 @@ class RunSettings(TypedDict, total=False):
     #: The folder of the record [default: runs/NAME-N].
     out: str | PathLike[str] | None
 
-    #: Who runs networks whose `engine` is not set, such as onnxruntime.
+    #: The engine for networks that do not set one, such as onnxruntime.
     engine: str | None
 
     #: How many seconds one call of a component may take [default: 60].
