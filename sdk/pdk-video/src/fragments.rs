@@ -6,8 +6,8 @@ use std::io::{Read, Seek};
 use mp4_atom::{Tfdt, Tfhd, Trex, Trun};
 
 use crate::boxes::{Content, Misbuilt, Outermost};
-use crate::index::{Left, Sample, few_enough, within};
-use crate::timing::Moment;
+use crate::sample::{Left, Sample, within};
+use crate::timing::{Moment, few_enough};
 
 /// In the flags of a frame: decoding cannot begin with it.
 const NOT_ALONE: u32 = 1 << 16;

@@ -7,7 +7,8 @@ use pdk_sdk::prelude::*;
 
 use crate::boxes::{CUT_OFF, Content, Misbuilt, outermost};
 use crate::fragments;
-use crate::timing::{MOST, Moment, Timing};
+use crate::sample::{Left, Sample, within};
+use crate::timing::{Moment, Timing, few_enough};
 use crate::turn::quarter_turns;
 
 /// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
@@ -37,40 +38,6 @@ pub struct Index {
     pub quarters: u8,
     /// Whether the file has sound.
     pub has_sound: bool,
-}
-
-/// Where a frame lies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sample {
-    /// Its first byte.
-    pub at: u64,
-    /// Its bytes.
-    pub length: u32,
-    /// Whether decoding can begin with it.
-    pub alone: bool,
-}
-
-/// Why there is no index to be used.
-pub enum Left {
-    /// The file is broken.
-    Broken(Error),
-    /// It is left to others.
-    Other(String),
-}
-
-impl From<Misbuilt> for Left {
-    fn from(_: Misbuilt) -> Self {
-        Self::Other(
-            "MP4 or QuickTime of a kind that the built-in reader does not know (a box of its index is not built as expected)"
-                .to_owned(),
-        )
-    }
-}
-
-impl From<Error> for Left {
-    fn from(error: Error) -> Self {
-        Self::Broken(error)
-    }
 }
 
 /// Reads the index of a file of `size` bytes.
@@ -266,28 +233,6 @@ fn listed(tables: Content<'_>, size: u64) -> Result<(Vec<Sample>, Vec<Moment>), 
     Ok((samples, moments))
 }
 
-/// Makes sure that the times of this many frames find room in memory.
-pub fn few_enough(count: u32) -> Result<()> {
-    match count > MOST {
-        true => {
-            Err(Error::new(format!("it has {count} frames, and a video may have {MOST}; cut it into parts")))
-        }
-        false => Ok(()),
-    }
-}
-
-/// Makes sure that the frames lie in the file.
-pub fn within(samples: &[Sample], size: u64) -> Result<()> {
-    let outside = samples.iter().position(|sample| sample.at.saturating_add(u64::from(sample.length)) > size);
-    match outside {
-        Some(place) => Err(Error::new(format!(
-            "it is cut off: frame {} of {} is missing; copy it again",
-            place + 1,
-            samples.len()
-        ))),
-        None => Ok(()),
-    }
-}
 #[cfg(test)]
 mod tests {
     use std::path::{Path, PathBuf};

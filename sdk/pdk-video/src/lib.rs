@@ -15,6 +15,7 @@ mod index;
 mod matroska;
 mod process;
 mod reader;
+mod sample;
 #[cfg(test)]
 mod stand_in;
 mod stream;
@@ -26,7 +27,8 @@ mod writer;
 /// MP4 files without their frames being decoded or encoded.
 pub mod mp4 {
     pub use crate::container::Mp4;
-    pub use crate::index::{Index, Indexed, Sample, index};
+    pub use crate::index::{Index, Indexed, index};
+    pub use crate::sample::Sample;
 }
 
 pub use assembly::has_assembly;

@@ -7,7 +7,7 @@
 use mp4_atom::ElstEntry;
 use pdk_sdk::prelude::*;
 
-use crate::index::Left;
+use crate::sample::Left;
 
 /// More frames than this are not believed: they take the memory of their times. At 30 frames a second they take 38 hours.
 pub const MOST: u32 = 1 << 22;
@@ -135,4 +135,14 @@ impl Edit {
 
 fn unknown(what: &str) -> Left {
     Left::Other(format!("an MP4 file whose edit list {what}"))
+}
+
+/// Makes sure that the times of this many frames find room in memory.
+pub fn few_enough(count: u32) -> Result<()> {
+    match count > MOST {
+        true => {
+            Err(Error::new(format!("it has {count} frames, and a video may have {MOST}; cut it into parts")))
+        }
+        false => Ok(()),
+    }
 }

@@ -190,7 +190,8 @@ fn kill(target: Target, child: &mut Child, bus: &BusFolder, random: &mut Random)
 
 /// A run that is killed and continued until it comes to its end. What is wrong with it then.
 fn round(setting: &Setting, random: &mut Random, met: &mut Met) -> Result<(), String> {
-    let folder = temp();
+    // As deep below the working folder as the undisturbed runs, since a record says where that is.
+    let folder = tempfile::tempdir_in(setting.script.parent().unwrap()).unwrap();
     let bus = BusFolder::new();
     let out = folder.path().join("record");
     let temporary = folder.path().join("tmp");
@@ -302,7 +303,7 @@ fn runs_that_are_killed_at_any_moment_end_like_undisturbed_ones() {
     let mut met = Met::default();
     let bus = BusFolder::new();
     for name in ["first", "second", "short"] {
-        let whole = folder.path().join(name);
+        let whole = folder.path().join("whole").join(name);
         let started = Instant::now();
         let script = if name == "short" { &setting.short } else { &setting.script };
         let mut child = start(script, &whole, &bus, folder.path());

@@ -31,6 +31,8 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ("folder", "kernel/tool/cli/src/verbs/corrupt.rs", "what stands for a folder in the help"),
     ("network", "kernel/tool/cli/src/verbs/", "the English word before the name of a file"),
     ("video", "kernel/tool/cli/src/verbs/", "the English word before the name of a file"),
+    ("pictures", "kernel/script/pipeline/src/table.rs", "the English word behind a number"),
+    ("pictures", "kernel/tool/cli/src/verbs/reference.rs", "a folder"),
     ("csv", "kernel/tool/", "the format, and the ending of its files"),
     ("segmentation", "kernel/tool/corrupt/", "a field of COCO's annotations"),
     ("random", "kernel/script/pipeline/src/api.rs", "a function of pipelines"),

@@ -42,7 +42,7 @@ pub fn render(header: &Value, rows: &Value) -> Result<String> {
         )
     })?;
     let rows = rows.as_array().ok_or_else(|| {
-        Error::new("pdk.table: the rows are not a list of lists; write one such as { { \"dave2\", 2 } }")
+        Error::new("pdk.table: the rows are not a list of lists; write one such as { { \"nominal\", 2 } }")
     })?;
     let columns = header.len();
     let mut table = table(header);
