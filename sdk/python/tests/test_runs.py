@@ -257,10 +257,10 @@ def test_every_cause_has_a_verdict(pipeline):
     _, record = pipeline
     scenarios = record.scenarios()
     assert list(scenarios.verdict) == [_pdk.verdict(cause) for cause in scenarios.cause]
-    documents = Path(__file__).parents[3] / "docs/worker-protocol.md"
+    documents = Path(__file__).parents[3] / "docs/record.md"
     if documents.is_file():
-        told = next(line for line in documents.read_text().splitlines() if line.startswith("| `outcome.cause` "))
-        causes = re.findall("`([a-z_]+)`", told.split("|")[3])
+        told = next(line for line in documents.read_text().splitlines() if line.startswith("| `cause` "))
+        causes = re.findall("`([a-z_]+)`", told.split("|")[2])
         assert {_pdk.verdict(cause) for cause in causes} == {"passed", "unsafe", "stopped", "late", "void"}
     with pytest.raises(pdk.Error, match="`abducted` is not the cause"):
         _pdk.verdict("abducted")

@@ -132,7 +132,10 @@ fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_ge
         format!("the plugin my_driver 0.1.0 (BLAKE3 {hash}), to be had at https://example.org/my_driver");
     let warned = replay().succeed().stderr;
     assert!(
-        warned.contains(&format!("{}, is not that of {place}, so the replay", installed.display())),
+        warned.contains(&format!(
+            "data/pdk/plugins/{}, is not that of {place}, so the replay",
+            library_of("my_driver")
+        )),
         "{warned}"
     );
 
@@ -168,11 +171,18 @@ fn a_crate_of_each_other_kind_is_built_and_checked() {
     let home = temp();
     let home = home.path();
     pictures::write(&home.join("in.png"), 64, 48);
+    let recording = home.join("recording");
+    fs::create_dir(&recording).unwrap();
+    fs::copy(home.join("in.png"), recording.join("0.png")).unwrap();
+    fs::write(recording.join("frames.txt"), "0.png,0.1,0.2,0\n").unwrap();
     for what in ["mask", "saliency", "search", "dataset"] {
         let name = format!("my_{what}");
         user(home, &["new", what, &name, "--rust"]).succeed();
         let built = build(&home.join(&name));
-        let checked = user(home, &["check"]).arg(&built).succeed().stdout;
+        let check = user(home, &["check"]).arg(&built);
+        // Only a dataset needs something of the user's.
+        let check = if what == "dataset" { check.set("my_dataset.path", recording.display()) } else { check };
+        let checked = check.succeed().stdout;
         assert!(checked.contains(&format!("{what} `{name}`")), "{checked}");
         user(home, &["plugin", "add"]).arg(&built).succeed();
     }
@@ -183,14 +193,10 @@ fn a_crate_of_each_other_kind_is_built_and_checked() {
     let search = user(home, &["run", "search", "--out", "record"]);
     let search = settings.iter().fold(search, |pdk, setting| pdk.arg("--set").arg(setting));
     search.succeed();
-    let recording = home.join("recording");
-    fs::create_dir(&recording).unwrap();
-    fs::copy(home.join("in.png"), recording.join("0.png")).unwrap();
-    fs::write(recording.join("frames.txt"), "0.png,0.1,0.2,0\n").unwrap();
     let dataset = json!({ "name": "my_dataset", "path": recording });
     let offline = user(home, &["run", "offline", "--set", "driver=dave2", "--set"]);
     let evaluated = offline.arg(format!("dataset={dataset}")).succeed().stdout;
-    assert!(evaluated.contains("1 frames"), "{evaluated}");
+    assert!(evaluated.contains("1 frame"), "{evaluated}");
 }
 
 #[test]

@@ -164,7 +164,9 @@ fn list(global: &Global, folder: &Path) -> Result<()> {
     let mut found = Vec::new();
     for file in installed(folder)? {
         let loaded = Installable::load(&file);
-        found.push((FileRecord::of(&file)?, loaded));
+        // Where it is on this machine, which does not depend on the working directory.
+        let record = FileRecord { path: file.clone(), ..FileRecord::of(&file)? };
+        found.push((record, loaded));
     }
     if global.json {
         let entry = |(file, loaded): &(FileRecord, Result<Installable>)| -> Value {
