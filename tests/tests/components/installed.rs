@@ -141,7 +141,8 @@ fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_ge
 
     user(home, &["plugin", "remove", "my_driver"]).succeed();
     let remedy = ": install it with `pdk plugin add FILE`, or name its folder with --plugins";
-    let from = format!("the record has it from {}, {place}{remedy}", installed.display());
+    let file = Path::new("data/pdk/plugins").join(library_of("my_driver"));
+    let from = format!("the record has it from {}, {place}{remedy}", file.display());
     replay().fail(1, &["there is no driver `my_driver`", &from]);
     fs::write(&installed, original).unwrap();
     user(home, &["plugin", "remove", "my_simulator"]).succeed();
@@ -194,7 +195,7 @@ fn a_crate_of_each_other_kind_is_built_and_checked() {
     let search = settings.iter().fold(search, |pdk, setting| pdk.arg("--set").arg(setting));
     search.succeed();
     let dataset = json!({ "name": "my_dataset", "path": recording });
-    let offline = user(home, &["run", "offline", "--set", "driver=dave2", "--set"]);
+    let offline = user(home, &["run", "offline", "--set", "driver=lane_keeper", "--set"]);
     let evaluated = offline.arg(format!("dataset={dataset}")).succeed().stdout;
     assert!(evaluated.contains("1 frame"), "{evaluated}");
 }

@@ -164,7 +164,7 @@ fn list(global: &Global, folder: &Path) -> Result<()> {
     let mut found = Vec::new();
     for file in installed(folder)? {
         let loaded = Installable::load(&file);
-        // Where it is on this machine, which does not depend on the working directory.
+        // The whole path, because it does not depend on the working directory.
         let record = FileRecord { path: file.clone(), ..FileRecord::of(&file)? };
         found.push((record, loaded));
     }

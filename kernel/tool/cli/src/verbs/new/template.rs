@@ -112,7 +112,7 @@ impl What {
             What::Dataset => package(
                 include_str!("../../../templates/dataset/lib.rs.txt"),
                 "dataset reader",
-                r#"pdk --plugins target/release run offline --set driver={{driver}} --set 'dataset={"name":"{{name}}","path":"DIR"}'"#,
+                r#"pdk --plugins target/release run offline --set model=MODEL.onnx --set 'dataset={"name":"{{name}}","path":"DIR"}'"#,
             ),
             What::Adapter => Some(Crate {
                 source: include_str!("../../../templates/adapter/lib.rs.txt"),
