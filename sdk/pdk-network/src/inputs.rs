@@ -62,7 +62,7 @@ impl Inputs {
             let known = Some(speed).filter(|speed| speed.is_finite()).or(taken.assumed);
             let known = known.ok_or_else(|| {
                 Error::new(format!(
-                    "its input `{name}` takes the vehicle's speed, which is not known here: datasets do not tell it to a driver; describe one that stands \
+                    "its input `{name}` takes the vehicle's speed, which is not known here, because the recording does not have it; describe one that stands \
                      for it, as in inputs = {{ {name} = {{ value = \"speed\", assumed = 8 }} }}"
                 ))
             })?;
