@@ -34,6 +34,7 @@ const PLUGINS: &[&str] = &[
     "pattern",
     "process",
     "search",
+    "stream",
     "udacity",
     "weather",
 ];

@@ -7,6 +7,7 @@ use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::history::Recollection;
 use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation, Way};
 use pdk_sdk::seed;
 
@@ -46,6 +47,8 @@ struct Link {
     mask: Option<Mask>,
     selector: Option<Selector>,
     attended: Option<Attended>,
+    /// The frames that it was given before, as many as it asks for.
+    history: Recollection,
     /// How much of each pixel is changed where both limit it.
     weights: Vec<u8>,
 }
@@ -76,6 +79,7 @@ impl Chain {
                 number: *number,
                 instance: Some(instance),
                 names: description.parameters.iter().map(|p| p.name.clone()).collect(),
+                history: Recollection::of(description.history as usize),
                 description,
                 config,
                 values: Vec::new(),
@@ -109,6 +113,7 @@ impl Chain {
                 link.level = applied.level.clone();
                 link.label = label(applied);
             }
+            link.history.forget();
             let key = |what: &str| key(seed, what, &link.name, link.number);
             (link.key, link.chance_key) = (key("perturbation"), key("probability"));
             if let Some(selector) = &mut link.selector {
@@ -118,6 +123,11 @@ impl Chain {
                 attended.begin_again(key("attention"));
             }
         }
+    }
+
+    /// How many frames before a frame have to go through the chain first, so that it becomes what it becomes in its sequence.
+    pub fn history(&self) -> usize {
+        self.links.iter().map(|link| link.description.history as usize).sum()
     }
 
     /// What frames have to come with.
@@ -228,6 +238,7 @@ impl Link {
         };
         let Some(level) = level else {
             dst.copy_from(src);
+            self.history.keep(src, frame_index, moment.time);
             return Ok(());
         };
         config::frame_values(&self.description, &self.config, level, &mut self.values);
@@ -235,14 +246,17 @@ impl Link {
         let cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,
-        };
+        }
+        .with_history(self.history.before(src, frame_index));
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));
         let Some(instance) = &mut self.instance else { return Ok(()) };
-        calls::call_at(&self.label, Function::Apply, frame_index, || {
+        let applied = calls::call_at(&self.label, Function::Apply, frame_index, || {
             instance.apply(src, dst.reborrow(), &cx)
-        })
-        .map_err(|error| error.at(&self.label))?;
+        });
+        // Also a frame that it fails at: the camera has seen it.
+        self.history.keep(src, frame_index, moment.time);
+        applied.map_err(|error| error.at(&self.label))?;
         let within = self.mask.as_mut().map(|mask| mask.weights(src.width(), src.height()));
         match (within, chosen) {
             (Some(weights), None) | (None, Some(weights)) => mask::restore(src, dst, weights),

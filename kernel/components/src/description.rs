@@ -4,6 +4,7 @@
 use pdk_sdk::abi::PluginDescription;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::history::MOST_FRAMES;
 
 use crate::modifiers::MODIFIERS;
 
@@ -36,6 +37,12 @@ pub fn check(description: &Description) -> Result<()> {
     // Methods have been published under names with a hyphen or a plus.
     let more = if *kind == Kind::Saliency { "-+" } else { "" };
     check_name(name, more).map_err(|error| error.at(format_args!("the name of the {kind}")))?;
+    if description.history > MOST_FRAMES {
+        return Err(Error::new(format!(
+            "it asks for {} earlier frames, and {MOST_FRAMES} is the most; ask for fewer",
+            description.history
+        )));
+    }
     let modifier = |name: &str| MODIFIERS.iter().any(|modifier| modifier.name == name);
     let is_key = |name: &str| name == NAME || *kind == Kind::Perturbation && modifier(name);
     for (index, parameter) in parameters.iter().enumerate() {

@@ -78,9 +78,13 @@ pub fn frames(
         _ => Evaluator::new(registry, job)?,
     };
     let mut chain = chain(registry, job)?;
-    evaluator.pictures.keep_only(job.from, job.end);
+    let earliest = chain.as_ref().map_or(job.from, |chain| earliest(chain, job));
+    evaluator.pictures.keep_only(earliest, job.end);
     let origin = evaluator.origin(job.sequence)?;
     let mut evaluated = Evaluated { frames: Vec::new(), perturbation_seconds: 0.0, driver_seconds: 0.0 };
+    if let Some(chain) = &mut chain {
+        evaluator.warm_up(chain, job)?;
+    }
     let (mut begins, mut values) = (true, 0);
     for index in job.from..job.end {
         let at = Some(index as u64);
@@ -127,7 +131,36 @@ fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
     job.perturbation.as_ref().map(make).transpose()
 }
 
+/// The first frame that a perturbation has to see, because it shows later ones something of it.
+fn earliest(chain: &Chain, job: &EvaluateFrames) -> usize {
+    job.from.saturating_sub(chain.history()).max(job.sequence)
+}
+
 impl Evaluator {
+    /// Sends the frames before those of a job through the chain, as far as it needs them. One that cannot be read or perturbed is left out, as it
+    /// is in a sequence.
+    ///
+    /// # Errors
+    /// If a component says that the machine's set-up is wrong.
+    fn warm_up(&mut self, chain: &mut Chain, job: &EvaluateFrames) -> Result<()> {
+        let Self { dataset, pictures, perturbed, .. } = self;
+        for index in earliest(chain, job)..job.from {
+            let at = Some(index as u64);
+            let entry = pictures
+                .entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)));
+            let seen = entry.and_then(|entry| {
+                let frame = entry.frame.as_ref();
+                perturbed.resize(frame.width(), frame.height());
+                chain.apply(frame, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())
+            });
+            match seen {
+                Err(error) if error.kind() == ErrorKind::Configuration => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     fn new(registry: &Registry, job: &EvaluateFrames) -> Result<Self> {
         let (reader, _) = registry.dataset(&job.dataset.name, &job.dataset.parameters)?;
         let looking = match &job.subject {

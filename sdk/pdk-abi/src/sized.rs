@@ -74,6 +74,23 @@ sized! {
         pub earlier_height: usize,
         /// How far the vehicle has driven since the start of the sequence, in metres; not a number where it is not known.
         pub travelled: f64,
+        /// Earlier frames of the sequence, in slots that are used in turn: slot after slot, each as large as a frame and laid out without
+        /// gaps; null if there are none.
+        pub history: *const u8,
+        /// The number of slots.
+        pub history_slots: usize,
+        /// The slot of the latest frame; the one before it is in the slot before it, and before the first slot comes the last.
+        pub history_latest: usize,
+        /// How many slots are in use: the latest and those before it.
+        pub history_length: usize,
+        /// The number of the frame in each slot.
+        pub history_indices: *const u64,
+        /// The time of the frame in each slot, in seconds since the start of the sequence.
+        pub history_times: *const f64,
+        /// Pixels in a row of each.
+        pub history_width: usize,
+        /// Rows of each.
+        pub history_height: usize,
     }
 
     /// Size and rate of a simulator's camera.

@@ -167,6 +167,9 @@ pub struct Description {
     /// What follows the saliency maps that it is given, such as where drops are born; empty if it does not look at any.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub follows_attention: String,
+    /// How many frames before the one at hand a perturbation needs.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub history: u32,
     /// What a perturbation does to the places of things in the frame.
     #[serde(default, skip_serializing_if = "Geometry::is_undeclared")]
     pub geometry: Geometry,
@@ -229,6 +232,7 @@ impl Description {
             drawn_per_sequence: String::new(),
             drawn_per_frame: String::new(),
             follows_attention: String::new(),
+            history: 0,
             geometry: Geometry::Undeclared,
             parameters: Vec::new(),
             grows_with: Map::new(),
@@ -388,6 +392,13 @@ impl Description {
     /// Says what it draws anew for every frame, with [`Context::frame_random`](crate::perturbation::Context::frame_random).
     pub fn drawn_per_frame(mut self, what: &str) -> Self {
         self.drawn_per_frame = what.to_owned();
+        self
+    }
+
+    /// Asks for this many frames before the one at hand, at most [`MOST_FRAMES`](crate::history::MOST_FRAMES): see [`crate::history`]. pdk keeps
+    /// a copy of each.
+    pub fn history(mut self, frames: u32) -> Self {
+        self.history = frames;
         self
     }
 
@@ -689,6 +700,11 @@ pub fn between_levels(levels: &[f64; LEVELS], intensity: f64) -> f64 {
     } else {
         levels[lower] + (levels[lower + 1] - levels[lower]) * fraction
     }
+}
+
+/// Whether a number says nothing, which descriptions leave out.
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod describe;
 pub mod driver;
 mod export;
 pub mod file;
+pub mod history;
 pub mod input_files;
 pub mod mask;
 pub mod perturbation;
@@ -42,6 +43,7 @@ pub mod prelude {
     pub use crate::describe::{Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
+    pub use crate::history::{Earlier, History};
     pub use crate::input_files::InputFiles;
     pub use crate::mask::Mask;
     pub use crate::perturbation::{Context, EarlierMaps, Perturbation, Way};

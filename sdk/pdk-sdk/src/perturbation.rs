@@ -5,12 +5,14 @@ use pdk_ops::{Frame, FrameMut};
 use pdk_seed::{Key, Random};
 
 use crate::error::{Error, Result};
+use crate::history::History;
 
 /// Changes a frame.
 ///
-/// The output depends on the source frame, the parameters and the key in the context alone. It must not depend on
+/// The output depends on the source frame, the parameters, the key in the context and the earlier frames in it alone. It must not depend on
 /// which frames were computed before, so that any frame of a recording can be computed again on its own; what an
-/// instance keeps between calls is a cache (a lookup table, a workspace), never a state that changes the result.
+/// instance keeps between calls is a cache (a lookup table, a workspace), never a state that changes the result. A perturbation that needs
+/// earlier frames asks for them with [`Description::history`](crate::describe::Description::history).
 pub trait Perturbation: Send {
     /// Writes the perturbed `src` to `dst`. Both have the same size; `dst` starts out with unspecified content, and all
     /// of it has to be written.
@@ -75,6 +77,8 @@ pub struct Context<'a> {
     pub saliency: Option<&'a [f32]>,
     /// The saliency maps of the sequence so far, this frame's among them; none if there are none.
     pub earlier: EarlierMaps<'a>,
+    /// The frames before this one, if the description asks for any.
+    pub history: History<'a>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
     pub(crate) stream: u64,
@@ -92,6 +96,7 @@ impl<'a> Context<'a> {
             travelled: None,
             saliency: None,
             earlier: EarlierMaps::default(),
+            history: History::default(),
             key,
             stream: frame_index,
             names: &[],
@@ -108,6 +113,12 @@ impl<'a> Context<'a> {
     /// The same context with the saliency map of the frame, and with those of the sequence so far.
     pub fn with_saliency(mut self, now: &'a [f32], earlier: EarlierMaps<'a>) -> Self {
         (self.saliency, self.earlier) = (Some(now), earlier);
+        self
+    }
+
+    /// The same context with the frames before this one.
+    pub fn with_history(mut self, history: History<'a>) -> Self {
+        self.history = history;
         self
     }
 
@@ -148,6 +159,13 @@ impl<'a> Context<'a> {
     /// Random numbers that are drawn anew for every frame. Every call starts the stream from its beginning.
     pub fn frame_random(&self) -> Random {
         self.key.frame(self.stream)
+    }
+
+    /// The random numbers that an earlier frame, or a later one, starts with [`Context::frame_random`]: for what has to be known of a frame
+    /// while another one is perturbed, such as whether it was lost. If the user wants the same draws in all frames, they are this frame's.
+    pub fn random_of(&self, frame_index: u64) -> Random {
+        let stream = if self.stream == self.frame_index { frame_index } else { self.stream };
+        self.key.frame(stream)
     }
 
     /// Random numbers that are the same for all frames of a sequence. Every call starts the stream from its beginning.

@@ -29,6 +29,7 @@ use crate::dataset::{Dataset, Entry};
 use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
+use crate::history::Recollection;
 use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
 use crate::predictor::{Output, Predictor};
@@ -139,14 +140,22 @@ pub fn check_perturbation(
     let key = Key([9; 32]);
     let mut values = Vec::new();
     let mut veteran = make(config)?;
+    // Far enough in its sequence to have as many frames before it as it asks for.
+    let (frame_index, time) = (5 + u64::from(description.history), 0.25);
     for (width, height) in SIZES {
         let source = sample_frame(width, height);
         for level in 0..=2 * (LEVELS - 1) {
             let intensity = level as f64 / 2.0;
             let place = format!("at {width}x{height} and level {intensity}");
             frame_values(description, config, intensity, &mut values);
-            let cx = Context::new(intensity, 5, 0.25, &key).with_values(&names, &values);
-            let other = Context::new(intensity, 6, 0.3, &key).with_values(&names, &values);
+            let mut kept = earlier_frames(description.history, frame_index, width, height);
+            let mut kept_for_other = kept.clone();
+            let cx = Context::new(intensity, frame_index, time, &key)
+                .with_values(&names, &values)
+                .with_history(kept.before(source.as_ref(), frame_index));
+            let other = Context::new(intensity, frame_index + 1, 0.3, &key)
+                .with_values(&names, &values)
+                .with_history(kept_for_other.before(source.as_ref(), frame_index + 1));
 
             let mut alone = FrameBuf::new(width, height);
             make(config)?.apply(source.as_ref(), alone.as_mut(), &cx).map_err(|e| e.at(&place))?;
@@ -181,6 +190,18 @@ pub fn check_perturbation(
         }
     }
     Ok(())
+}
+
+/// The frames before one, each of another brightness.
+fn earlier_frames(history: u32, frame_index: u64, width: usize, height: usize) -> Recollection {
+    let mut kept = Recollection::of(history as usize);
+    for index in frame_index - u64::from(history)..frame_index {
+        let mut frame = sample_frame(width, height);
+        let darker = (index * 37 % 101) as u8;
+        frame.as_mut().rows_mut().flatten().for_each(|value| *value = value.saturating_sub(darker));
+        kept.keep(frame.as_ref(), index, index as f64 / 20.0);
+    }
+    kept
 }
 
 /// The same pixels with gaps between the rows.

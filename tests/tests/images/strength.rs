@@ -69,6 +69,7 @@ fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, 
     spec.parameters.extend(shown.description.grows_with.clone());
     let mut chain = Chain::new(registry, &[spec], 3).unwrap();
     let mut target = FrameBuf::new(source.width(), source.height());
+    preview::approach(&mut chain, source, moment).unwrap();
     chain.apply(source.as_ref(), target.as_mut(), &Moment::new(moment, moment as f64 / 30.0)).unwrap();
     target
 }

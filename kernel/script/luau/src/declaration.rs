@@ -10,6 +10,7 @@ use mlua::{Function, Table, Value};
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Geometry, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::history::MOST_FRAMES;
 use pdk_sdk::serde_json;
 
 use fields::{Fields, describe, finite, one_line, unreadable};
@@ -18,7 +19,7 @@ use pdk_components::check_description;
 use pdk_components::suggest;
 
 use crate::points::Points;
-pub use records::{CONTEXT, PARAMETER, PERTURBATION};
+pub use records::{CONTEXT, EARLIER, PARAMETER, PERTURBATION};
 
 /// What a script returned, checked.
 pub(crate) struct Declaration {
@@ -75,6 +76,13 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             )));
         }
     };
+    if let Some(frames) = fields.optional_number("history")? {
+        if !(0.0..=f64::from(MOST_FRAMES)).contains(&frames) || frames.fract() != 0.0 {
+            let allowed = format!("a whole number from 0 to {MOST_FRAMES}");
+            return Err(fields.wrong("history", &allowed, &Value::Number(frames)));
+        }
+        description.history = frames as u32;
+    }
     let points = points(&fields)?;
     description.geometry = geometry(&fields, points.is_some())?;
     description.default = fields.optional_boolean("default")?.unwrap_or(true);
@@ -90,6 +98,9 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             return Err(Error::new(
                 "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
             ));
+        }
+        if description.history > 0 {
+            return Err(Error::new("a mask sees one frame at a time; leave `history` out"));
         }
         if points.is_some() || !description.geometry.is_undeclared() {
             return Err(Error::new(

@@ -41,6 +41,7 @@ mod chunk;
 pub mod declaration;
 mod failure;
 mod glance;
+mod history;
 pub mod image;
 pub mod kept;
 pub mod limits;

@@ -36,14 +36,14 @@ const IMAGES: usize = 4;
 const USUAL_PIXELS: usize = 1 << 20;
 
 impl Limits {
-    /// The limits of a perturbation for a frame of this size: four images as large as the frame do not count against the
-    /// memory, and a frame with more than a megapixel has as many times the time.
-    pub fn for_frame(self, width: usize, height: usize) -> Self {
+    /// The limits of a perturbation for a frame of this size: four images as large as the frame, and those of its history, do not count
+    /// against the memory, and a frame with more than a megapixel has as many times the time.
+    pub fn for_frame(self, width: usize, height: usize, history: usize) -> Self {
         let pixels = width.saturating_mul(height);
         let factor = (pixels as f64 / USUAL_PIXELS as f64).max(1.0);
         let seconds = self.time.as_secs_f64() * factor;
         Self {
-            memory_bytes: self.memory_bytes.saturating_add(pixels.saturating_mul(3 * IMAGES)),
+            memory_bytes: self.memory_bytes.saturating_add(pixels.saturating_mul(3 * (IMAGES + history))),
             time: if factor > 1.0 {
                 Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
             } else {

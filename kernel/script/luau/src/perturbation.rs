@@ -19,9 +19,10 @@ use pdk_sdk::seed::Key;
 
 use crate::absent::{self, Reached};
 use crate::chunk::LARGEST_SCRIPT;
-use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
+use crate::declaration::{self, CONTEXT, Declaration, EARLIER, PARAMETER, PERTURBATION};
 use crate::failure::type_of;
 use crate::glance::{Glance, glance};
+use crate::history::ScriptHistory;
 use crate::image::{ImageClass, LuaImage};
 use crate::limits::Limits;
 use crate::points::Points;
@@ -32,7 +33,7 @@ use crate::unknown;
 
 /// What the script of a perturbation sees besides Luau's own library, in the order of the type definition file.
 pub fn perturbation_api() -> Vec<&'static dyn Declare> {
-    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &ImageClass, &RANDOM]
+    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &EARLIER, &ImageClass, &RANDOM]
 }
 
 /// The text of a script.
@@ -227,7 +228,10 @@ impl LuaPerturbation {
                 latest = None;
             }
         }
-        self.sandbox.set_limits(&self.script, self.limits.for_frame(src.width(), src.height()))?;
+        self.sandbox.set_limits(
+            &self.script,
+            self.limits.for_frame(src.width(), src.height(), self.description.history as usize),
+        )?;
         let image = self.sandbox.make(&self.script, |lua| match latest {
             Some(image) => {
                 image.borrow_mut::<LuaImage>()?.frame_mut()?.copy_from(src);
@@ -249,7 +253,7 @@ impl LuaPerturbation {
     fn run(&mut self, src: Frame<'_>, cx: &Context<'_>) -> Result<AnyUserData> {
         frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
         let image = self.image_of(src)?;
-        self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
+        self.sandbox.make(&self.script, |lua| self.cx.set(lua, cx, &self.values))?;
         let returned = self.sandbox.call(&self.script, &self.apply, (&image, &self.cx.table))?;
         match &returned {
             Value::Nil => {}
@@ -287,8 +291,8 @@ impl Perturbation for LuaPerturbation {
                 .at(&self.script)
         })?;
         frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
-        self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1]))?;
-        self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
+        self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1], 0))?;
+        self.sandbox.make(&self.script, |lua| self.cx.set(lua, cx, &self.values))?;
         moves.apply((&self.sandbox, &self.script), points, way, size, &self.cx.table)
     }
 }
@@ -319,6 +323,7 @@ struct ScriptContext {
     frame_random: (LuaString, AnyUserData),
     sequence_random: (LuaString, AnyUserData),
     parameters: Vec<(LuaString, ParameterValue)>,
+    history: ScriptHistory,
 }
 
 /// Where the value of a parameter comes from.
@@ -364,11 +369,13 @@ impl ScriptContext {
             time: lua.create_string("time")?,
             frame_random: random("frame_random")?,
             sequence_random: random("sequence_random")?,
+            history: ScriptHistory::new(lua, &table)?,
             table,
         })
     }
 
-    fn set(&self, cx: &Context<'_>, values: &[f64]) -> mlua::Result<()> {
+    fn set(&mut self, lua: &Lua, cx: &Context<'_>, values: &[f64]) -> mlua::Result<()> {
+        self.history.set(lua, &cx.history)?;
         let table = &self.table;
         table.raw_set(&self.intensity, cx.intensity)?;
         table.raw_set(&self.frame_index, cx.frame_index as f64)?;

@@ -45,6 +45,12 @@ pub fn checked(
         let name = &condition.applied.name;
         let description = &registry.catalog().get(Kind::Perturbation, name)?.description;
         sequence |= description.temporal == Temporal::Dynamic;
+        if description.history > 0 && source.reader.is_none() {
+            return Err(Error::new(format!(
+                "perturbation `{name}` shows earlier frames, and nothing says in which order the pictures of `{dataset}` were taken; leave it \
+                 out, or name a recording, such as a video or a folder with a CSV"
+            )));
+        }
         let moved = match (chain.moves(), labels) {
             (moved, _) if options.labels != LabelsOption::Move => moved.unwrap_or(false),
             (Ok(moved), _) => moved,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
@@ -12,6 +13,7 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
+use pdk_sdk::history::MOST_FRAMES;
 use pdk_sdk::prelude::{Dataset, Entry, FrameBuf};
 use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
@@ -60,6 +62,8 @@ pub struct Worker<'a> {
     /// A chain for each perturbation, for whatever level and seed.
     chains: BTreeMap<String, Chain>,
     dataset: Option<Box<dyn Dataset>>,
+    /// Frames of the recording before the one at hand, for perturbations that show them; the next frame needs most of them too.
+    recent: BTreeMap<usize, Rc<Entry>>,
     perturbed: FrameBuf,
 }
 
@@ -68,6 +72,8 @@ struct Situation {
     entry: Entry,
     seed: u64,
     frame: u64,
+    /// Whether it is a frame of a recording, which has others before it.
+    recorded: bool,
 }
 
 impl Situation {
@@ -90,7 +96,13 @@ impl<'a> Worker<'a> {
             Some(reader) => Some(job.registry.dataset(&reader.name, &reader.parameters)?.0),
             None => None,
         };
-        Ok(Self { job, chains: BTreeMap::new(), dataset, perturbed: FrameBuf::default() })
+        Ok(Self {
+            job,
+            chains: BTreeMap::new(),
+            dataset,
+            recent: BTreeMap::new(),
+            perturbed: FrameBuf::default(),
+        })
     }
 
     /// Does a unit.
@@ -132,11 +144,11 @@ impl<'a> Worker<'a> {
     fn situation(&mut self, name: &str) -> Result<Situation> {
         if let Some(&index) = self.job.frames.get(name) {
             let entry = self.read_frame(index)?;
-            return Ok(Situation { entry, seed: self.job.options.seed, frame: index as u64 });
+            return Ok(Situation { entry, seed: self.job.options.seed, frame: index as u64, recorded: true });
         }
         let frame = pdk_image::read(&self.path(name))?;
         let entry = Entry { frame, ..Entry::default() };
-        Ok(Situation { entry, seed: self.seed(name), frame: 0 })
+        Ok(Situation { entry, seed: self.seed(name), frame: 0, recorded: false })
     }
 
     /// What the draws of a picture come from.
@@ -238,10 +250,43 @@ impl<'a> Worker<'a> {
 
     fn perturbed(&mut self, condition: &Condition, situation: &Situation, target: &str) -> Result<Vec<u8>> {
         let [width, height] = situation.size();
+        let history = Self::chain(&mut self.chains, self.job, condition, situation.seed)?.history();
+        let earlier = self.earlier(situation, history)?;
         let chain = Self::chain(&mut self.chains, self.job, condition, situation.seed)?;
+        for (index, entry) in earlier {
+            self.perturbed.resize(entry.frame.width(), entry.frame.height());
+            let moment = Moment::new(index as u64, entry.time).alone();
+            chain.apply(entry.frame.as_ref(), self.perturbed.as_mut(), &moment)?;
+        }
         self.perturbed.resize(width, height);
         chain.apply(situation.entry.frame.as_ref(), self.perturbed.as_mut(), &situation.moment())?;
         pdk_image::encode(Path::new(target), self.perturbed.as_ref(), self.job.options.quality)
+    }
+
+    /// The frames before one of a recording, as many as a chain needs; none before a picture that stands alone.
+    fn earlier(&mut self, situation: &Situation, history: usize) -> Result<Vec<(usize, Rc<Entry>)>> {
+        let Some(dataset) = self.dataset.as_ref().filter(|_| history > 0 && situation.recorded) else {
+            return Ok(Vec::new());
+        };
+        let index = situation.frame as usize;
+        let part = |index: usize| dataset.position(index).part;
+        let first = (index.saturating_sub(history)..index)
+            .rev()
+            .take_while(|earlier| part(*earlier) == part(index))
+            .last()
+            .unwrap_or(index);
+        self.recent
+            .retain(|earlier, _| (index.saturating_sub(MOST_FRAMES as usize)..index).contains(earlier));
+        (first..index)
+            .map(|earlier| {
+                let entry = match self.recent.get(&earlier) {
+                    Some(entry) => Rc::clone(entry),
+                    None => Rc::new(self.read_frame(earlier)?),
+                };
+                self.recent.insert(earlier, Rc::clone(&entry));
+                Ok((earlier, entry))
+            })
+            .collect()
     }
 
     fn companion(
@@ -269,7 +314,7 @@ impl<'a> Worker<'a> {
         let entry = self.read_frame(index)?;
         let seed = job.options.seed;
         let source = hash(entry.frame.data());
-        let situation = Situation { entry, seed, frame: index as u64 };
+        let situation = Situation { entry, seed, frame: index as u64, recorded: true };
         let ending = if job.options.format == Format::Jpeg { "jpg" } else { "png" };
         let (picture, record) = (format!("{index:06}_frame.{ending}"), format!("record_{index:06}.json"));
         for (condition, moves) in job.conditions.iter().zip(&job.moves) {

@@ -14,6 +14,7 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::ops::warp::{Affine, Workspace, warp_affine};
 use pdk_sdk::prelude::FrameBuf;
 use serde_json::{Map, Value};
 
@@ -21,6 +22,9 @@ use crate::picture::{self, Block};
 
 /// The moment at which a perturbation is shown in seconds: those that move have begun to.
 const MOMENT: f64 = 2.0;
+
+/// How much larger things become from one frame to the next where a perturbation needs earlier frames.
+const STEP: f64 = 0.012;
 
 /// Frames of a simulator per second, which say which frame belongs to a moment.
 const RATE: f64 = 30.0;
@@ -127,8 +131,49 @@ pub fn perturbed(
 ) -> Result<FrameBuf> {
     let mut chain = Chain::new(registry, std::slice::from_ref(applied), seed)?;
     let mut target = FrameBuf::new(source.width(), source.height());
-    chain.apply(source.as_ref(), target.as_mut(), &Moment::new((time * RATE).round() as u64, time))?;
+    let frame_index = (time * RATE).round() as u64;
+    approach(&mut chain, source, frame_index)?;
+    chain.apply(source.as_ref(), target.as_mut(), &Moment::new(frame_index, time))?;
     Ok(target)
+}
+
+/// Gives a chain as many frames before a frame as it needs: the same picture, seen from further away the longer ago, as if the camera had come
+/// nearer. Of a still picture, an earlier frame would show nothing.
+///
+/// # Errors
+/// If a perturbation fails.
+pub fn approach(chain: &mut Chain, source: &FrameBuf, frame_index: u64) -> Result<()> {
+    let (width, height) = (source.width(), source.height());
+    let (mut earlier, mut unused) = (FrameBuf::new(width, height), FrameBuf::new(width, height));
+    let mut workspace = Workspace::default();
+    // Things come nearer along lines from the point to which the road leads, in the middle and a little above.
+    let [x, y] = [width as f64 / 2.0, height as f64 * 0.4];
+    for back in (1..=(chain.history() as u64).min(frame_index)).rev() {
+        let scale = 1.0 / (1.0 + back as f64 * STEP);
+        let shrunk = Affine([scale, 0.0, x * (1.0 - scale), 0.0, scale, y * (1.0 - scale)]);
+        // What lies beyond the edges is not black, but the picture at its own size.
+        earlier.as_mut().copy_from(source.as_ref());
+        warp_affine(source.as_ref(), unused.as_mut(), &shrunk, &mut workspace);
+        paste(&unused, &mut earlier, scale, [x, y]);
+        let moment = Moment::new(frame_index - back, (frame_index - back) as f64 / RATE);
+        chain.apply(earlier.as_ref(), unused.as_mut(), &moment)?;
+    }
+    Ok(())
+}
+
+/// Copies what a picture shows within the borders of the frame when it is shrunk towards a point.
+fn paste(from: &FrameBuf, to: &mut FrameBuf, scale: f64, [x, y]: [f64; 2]) {
+    let inside = |centre: f64, size: usize| {
+        let low = (centre * (1.0 - scale)).ceil() as usize;
+        let high = (centre + (size as f64 - 1.0 - centre) * scale).floor() as usize + 1;
+        low..high.min(size)
+    };
+    let (columns, rows) = (inside(x, from.width()), inside(y, from.height()));
+    let width = 3 * from.width();
+    for row in rows {
+        let span = row * width + 3 * columns.start..row * width + 3 * columns.end;
+        to.as_mut().data_mut()[span.clone()].copy_from_slice(&from.data()[span]);
+    }
 }
 
 /// One row for each perturbation: the frame at every level, or at the one that the user names. If a perturbation fails,

@@ -75,6 +75,10 @@ fn section(description: &Description) -> String {
     line("Drawn once per sequence:", &description.drawn_per_sequence);
     line("Drawn for every frame:", &description.drawn_per_frame);
     line("Follows saliency maps:", &description.follows_attention);
+    if description.history > 0 {
+        let frames = format!("up to {} frames before the one at hand.", description.history);
+        line("Needs:", &frames);
+    }
     line("Source:", &description.source);
     line("Differs from the published tool:", &description.divergences.join(" "));
     if !description.grows_with.is_empty() {

@@ -239,6 +239,14 @@ fn perturbation_context(cx: &Context<'_>) -> pdk_abi::PerturbationContext {
         earlier_width: cx.earlier.width,
         earlier_height: cx.earlier.height,
         travelled: cx.travelled.unwrap_or(f64::NAN),
+        history: cx.history.ring.pixels.as_ptr(),
+        history_slots: cx.history.ring.indices.len(),
+        history_latest: cx.history.ring.latest,
+        history_length: cx.history.ring.length,
+        history_indices: cx.history.ring.indices.as_ptr(),
+        history_times: cx.history.ring.times.as_ptr(),
+        history_width: cx.history.ring.width,
+        history_height: cx.history.ring.height,
         ..empty()
     }
 }

@@ -16,7 +16,7 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
             "apply",
             "((image: Image, cx: Context) -> ())?",
             "Changes `image`, a copy of the camera's frame, in place. The result has to depend on the image and \
-                  on `cx` alone, so that any frame can be computed again on its own.",
+                  on `cx` alone, so that any frame can be computed again on its own, or from as many frames before it as `history` says.",
         ),
         field(
             "mask",
@@ -41,6 +41,11 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
             "draws_per_frame",
             "string?",
             "What it draws anew for every frame with `cx.frame_random`, such as \"the noise\".",
+        ),
+        field(
+            "history",
+            "number?",
+            "How many frames before the one at hand it needs, up to 240: they are in `cx.history`. The default is 0.",
         ),
         field(
             "divergence",
@@ -114,8 +119,25 @@ pub const CONTEXT: ApiRecord = ApiRecord {
         field("intensity", "number", "The intensity: any number from 0 to 4."),
         field("frame_index", "number", "The number of the frame in its sequence, from 0."),
         field("time", "number", "Simulation time in seconds since the start of the sequence."),
+        field(
+            "history",
+            "{ Earlier }",
+            "The frames before this one, the latest first: as many as `history` of the perturbation says, fewer at the beginning of a sequence, \
+                  and none for a picture that stands alone.",
+        ),
         field("frame_random", "Random", "Random numbers that are drawn anew for every frame."),
         field("sequence_random", "Random", "Random numbers that are the same for all frames of a sequence."),
         field("[string]", "any", "The parameters, each under its name."),
+    ],
+};
+
+/// An entry of `cx.history`.
+pub const EARLIER: ApiRecord = ApiRecord {
+    name: "Earlier",
+    doc: "A frame before the one at hand, as the perturbation was given it.",
+    fields: &[
+        field("image", "Image", "Its pixels: a copy, as large as the frame at hand."),
+        field("frame_index", "number", "The number of the frame in its sequence."),
+        field("time", "number", "Its simulation time in seconds."),
     ],
 };

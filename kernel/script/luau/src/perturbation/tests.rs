@@ -120,7 +120,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         (
             "return { doc = 'x', apply = print, speed = 1 }",
             "the perturbation has an unknown field `speed`; there are doc, apply, mask, name, family, source, mathematics, \
-             draws_per_sequence, draws_per_frame, divergence, grows_with, version, temporal, default, geometry, move_point, source_point, parameters",
+             draws_per_sequence, draws_per_frame, history, divergence, grows_with, version, temporal, default, geometry, move_point, source_point, parameters",
         ),
         (
             "return { doc = 'x', apply = print, temporal = 'fast' }",
@@ -492,11 +492,11 @@ fn large_images_fit_as_long_as_few_are_kept() {
 #[test]
 fn large_frames_have_more_time_and_memory() {
     let limits = Limits { memory_bytes: 1000, time: Duration::from_secs(2), ..Limits::default() };
-    assert_eq!(limits.for_frame(10, 10), Limits { memory_bytes: 2200, ..limits });
-    let large = limits.for_frame(2048, 1024);
+    assert_eq!(limits.for_frame(10, 10, 0), Limits { memory_bytes: 2200, ..limits });
+    let large = limits.for_frame(2048, 1024, 0);
     assert_eq!(large, Limits { memory_bytes: 1000 + (24 << 20), time: Duration::from_secs(4), ..limits });
     let limits = Limits { time: Duration::MAX, ..limits };
-    assert_eq!(limits.for_frame(usize::MAX, 9).time, Duration::MAX);
+    assert_eq!(limits.for_frame(usize::MAX, 9, 0).time, Duration::MAX);
 }
 
 /// Whatever a method is given, it works or refuses, and does not panic.

@@ -75,6 +75,9 @@ fn print(component: &Entry) {
     fact("once", &description.drawn_per_sequence);
     fact("per frame", &description.drawn_per_frame);
     fact("attention", &description.follows_attention);
+    if description.history > 0 {
+        fact("history", &format!("needs up to {} frames before the one at hand", description.history));
+    }
     match description.geometry {
         Geometry::Moved => fact("labels", "moved along, where there are any"),
         Geometry::Altered => fact("labels", "cannot be moved along: it cannot say where it shows things"),

@@ -14,6 +14,7 @@ use crate::config::Config;
 use crate::dataset::Dataset;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
+use crate::history::{History, Ring};
 use crate::mask::Mask;
 use crate::perturbation::{Context, EarlierMaps, Perturbation};
 use crate::predictor::Predictor;
@@ -196,6 +197,17 @@ unsafe fn with_context(
         let (width, height) = (raw.earlier_width, raw.earlier_height);
         let length = times.len().saturating_mul(width).saturating_mul(height);
         cx.earlier = EarlierMaps::new(times, convert::slice(raw.earlier_values, length), width, height)?;
+        let (slots, width, height) = (raw.history_slots, raw.history_width, raw.history_height);
+        let bytes = slots.saturating_mul(width).saturating_mul(height).saturating_mul(3);
+        cx.history = History::new(Ring {
+            pixels: convert::slice(raw.history, bytes),
+            indices: convert::slice(raw.history_indices, slots),
+            times: convert::slice(raw.history_times, slots),
+            latest: raw.history_latest,
+            length: raw.history_length,
+            width,
+            height,
+        })?;
         work(&cx)
     }
 }

@@ -7,6 +7,7 @@ use pdk_lua::{Kept, LuaPerturbation};
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::Description;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::history::Recollection;
 use pdk_sdk::prelude::{Context, FrameBuf, Key, Perturbation};
 use pdk_sdk::testing;
 
@@ -101,18 +102,25 @@ impl Script<'_> {
         pdk_lua::open(&Source::read(self.file)?, self.config)
     }
 
-    /// Computes a frame of a sequence.
+    /// Computes a frame of a sequence, after the frames before it that it asks for: those that `earlier` makes.
     fn frame(
         &self,
         script: &mut LuaPerturbation,
         source: &FrameBuf,
         intensity: f64,
         index: u64,
+        earlier: impl Fn(u64) -> FrameBuf,
     ) -> Result<FrameBuf> {
+        let mut kept = Recollection::of(self.description.history as usize);
+        for index in index.saturating_sub(u64::from(self.description.history))..index {
+            kept.keep(earlier(index).as_ref(), index, index as f64 / RATE);
+        }
         let names: Vec<String> = self.description.parameters.iter().map(|p| p.name.clone()).collect();
         let (mut values, key) = (Vec::new(), Key([5; 32]));
         frame_values(self.description, self.config, intensity, &mut values);
-        let cx = Context::new(intensity, index, index as f64 / RATE, &key).with_values(&names, &values);
+        let cx = Context::new(intensity, index, index as f64 / RATE, &key)
+            .with_values(&names, &values)
+            .with_history(kept.before(source.as_ref(), index));
         let mut result = FrameBuf::new(source.width(), source.height());
         script.apply(source.as_ref(), result.as_mut(), &cx)?;
         Ok(result)
@@ -124,8 +132,12 @@ impl Script<'_> {
             for intensity in [0.0, 2.0, 4.0] {
                 let place = format!("at {width}x{height} and level {intensity}");
                 let source = testing::sample_frame(width, height);
-                let once = self.frame(&mut self.make()?, &source, intensity, 3).map_err(|e| e.at(&place))?;
-                let again = self.frame(&mut self.make()?, &source, intensity, 3).map_err(|e| e.at(&place))?;
+                let once = self
+                    .frame(&mut self.make()?, &source, intensity, 3, |_| source.clone())
+                    .map_err(|e| e.at(&place))?;
+                let again = self
+                    .frame(&mut self.make()?, &source, intensity, 3, |_| source.clone())
+                    .map_err(|e| e.at(&place))?;
                 if once != again {
                     return Err(Error::new(
                         "a frame comes out differently the second time; does it depend on the text of a table or function, \
@@ -151,10 +163,10 @@ impl Script<'_> {
         let mut kept = vec![script.kept()?];
         // In order, then the first again.
         for index in (0..FRAMES).chain([0]) {
-            let source = source(index);
-            let found = self.frame(&mut script, &source, 2.0, index)?;
+            let picture = source(index);
+            let found = self.frame(&mut script, &picture, 2.0, index, source)?;
             kept.push(script.kept()?);
-            if self.frame(&mut self.make()?, &source, 2.0, index)? != found {
+            if self.frame(&mut self.make()?, &picture, 2.0, index, source)? != found {
                 return Err(Error::new(format!(
                     "frame {index} comes out differently after others than alone{}; a frame may depend on the image and on \
                      cx alone: use cx.frame_index, cx.time and the random streams, or a variable inside of `apply`",

@@ -1,0 +1,103 @@
+//! Earlier frames, as a script sees them in `cx.history`.
+
+use mlua::{AnyUserData, Lua, Table};
+use pdk_sdk::history::History;
+
+use crate::image::LuaImage;
+
+/// The list `cx.history` with its entries, which are used again for every frame.
+pub struct ScriptHistory {
+    list: Table,
+    entries: Vec<(Table, AnyUserData)>,
+}
+
+impl ScriptHistory {
+    /// Puts an empty list into the context.
+    ///
+    /// # Errors
+    /// If the script is out of memory.
+    pub fn new(lua: &Lua, context: &Table) -> mlua::Result<Self> {
+        let list = lua.create_table()?;
+        context.raw_set("history", &list)?;
+        Ok(Self { list, entries: Vec::new() })
+    }
+
+    /// Makes the list that of another frame. Scripts may change the images, which are copies.
+    ///
+    /// # Errors
+    /// If the script is out of memory.
+    pub fn set(&mut self, lua: &Lua, history: &History<'_>) -> mlua::Result<()> {
+        self.list.clear()?;
+        for place in 0..history.len() {
+            let Some(earlier) = history.back(place + 1) else { break };
+            let (width, height) = (earlier.frame.width(), earlier.frame.height());
+            let fits = self.entries.get(place).map(|(_, image)| {
+                let image = image.borrow::<LuaImage>()?;
+                mlua::Result::Ok((image.width(), image.height()) == (width, height))
+            });
+            if !fits.transpose()?.unwrap_or(false) {
+                self.entries.truncate(place);
+                let image = lua.create_userdata(LuaImage::for_frames(lua, width, height)?)?;
+                self.entries.push((lua.create_table()?, image));
+            }
+            let (entry, image) = &self.entries[place];
+            image.borrow_mut::<LuaImage>()?.frame_mut()?.copy_from(earlier.frame);
+            entry.clear()?;
+            entry.raw_set("image", image)?;
+            entry.raw_set("frame_index", earlier.frame_index as f64)?;
+            entry.raw_set("time", earlier.time)?;
+            self.list.raw_set(place + 1, entry)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::history::Recollection;
+    use pdk_sdk::ops::FrameBuf;
+    use pdk_sdk::perturbation::Context;
+    use pdk_sdk::serde_json::json;
+
+    use crate::perturbation::tests::{key, make, picture, run};
+
+    #[test]
+    fn a_script_sees_the_frames_that_it_asks_for() {
+        let source = "return { doc = 'The oldest frame', history = 3, apply = function(image, cx)
+            local oldest = cx.history[#cx.history]
+            if oldest then
+                assert(oldest.frame_index == cx.frame_index - #cx.history and oldest.time == oldest.frame_index / 20)
+                image:blend(oldest.image, 1)
+                -- What is done to a copy stays in this frame.
+                oldest.image:fill(0, 0, 0)
+            end
+        end }";
+        let mut script = make(source, json!({})).unwrap();
+        assert_eq!(script.description().history, 3);
+        let (mut kept, key) = (Recollection::of(3), key());
+        let frames: Vec<FrameBuf> = (0..6u8)
+            .map(|number| {
+                let mut frame = picture(20, 10);
+                frame.as_mut().rows_mut().flatten().for_each(|value| *value = value.wrapping_add(number));
+                frame
+            })
+            .collect();
+        for (index, frame) in frames.iter().enumerate() {
+            let time = index as f64 / 20.0;
+            let history = kept.before(frame.as_ref(), index as u64);
+            let cx = Context::new(2.0, index as u64, time, &key).with_history(history);
+            assert_eq!(run(&mut script, frame, &cx).unwrap(), frames[index.saturating_sub(3)], "frame {index}");
+            kept.keep(frame.as_ref(), index as u64, time);
+        }
+    }
+
+    #[test]
+    fn a_history_that_cannot_be_had_is_refused() {
+        let refused = |fields: &str| make(&format!("return {{ doc = 'x', {fields} }}"), json!({})).err().unwrap().to_string();
+        for wrong in ["-1", "2.5", "241", "'all'"] {
+            let error = refused(&format!("history = {wrong}, apply = function() end"));
+            assert!(error.contains("`history`"), "{error}");
+        }
+        assert!(refused("history = 1, mask = function() end").contains("leave `history` out"));
+    }
+}

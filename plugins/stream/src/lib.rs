@@ -1,0 +1,28 @@
+//! Perturbations of the stream family: frames that come late, twice, in part or not at all.
+//!
+//! Nothing is kept between calls. What happened to a frame is drawn from its number, so that each later frame knows it, and what it
+//! looked like is in the history that pdk hands over.
+
+mod blank_frames;
+mod bursts;
+mod delayed_frames;
+mod frozen_frames;
+mod ghosting;
+mod lost_blocks;
+mod partial_frames;
+mod reordered_frames;
+
+#[cfg(test)]
+mod test_sequence;
+
+pdk_sdk::export! {
+    perturbations: [
+        blank_frames::BlankFrames,
+        delayed_frames::DelayedFrames,
+        frozen_frames::FrozenFrames,
+        ghosting::Ghosting,
+        lost_blocks::LostBlocks,
+        partial_frames::PartialFrames,
+        reordered_frames::ReorderedFrames,
+    ]
+}
