@@ -4,7 +4,8 @@
 -- are scattered, while a map marks areas, so compare `top` with `bottom` first.
 --
 --   pdk run attention
---   pdk run attention --set drivers=dave2 --set conditions=easy --set perturbations=false_color_filter --set shares=20
+--   pdk run attention --set conditions=easy --set shares=20
+--   pdk run attention --set drivers=dave2,dave2_augmented --set perturbations=false_color_filter,fog_filter
 --   pdk run attention --set methods=smooth-grad,occlusion --set every=5
 --
 -- If the map is faithful and the driver depends on what it marks, `top` fails more often than `random`, and `random` more often
@@ -16,8 +17,8 @@ local study = require("@pdk/study")
 local settings = pdk.settings({
 	simulator = "lane",
 	conditions = { "easy", "standard", "hard" }, -- of lane; none: the simulator as it is
-	drivers = { "dave2", "dave2_augmented" }, -- networks; a file as { name = "onnx", model = "FILE.onnx" }
-	perturbations = { "false_color_filter", "fog_filter", "gaussian_noise" },
+	drivers = { "dave2" }, -- networks; a file as { name = "onnx", model = "FILE.onnx" }
+	perturbations = { "false_color_filter" },
 	levels = { 4 },
 	shares = { 5, 10, 20, 40 }, -- percent of the frame that is perturbed
 	methods = { "hirescam", "gradient" }, -- saliency methods, with parameters of their own as { name = ..., ... }
