@@ -3,8 +3,8 @@
 //! | file | holds |
 //! |---|---|
 //! | `manifest.json` | what was run: pipeline, settings, seed, versions and hashes of all components and models |
-//! | `scenarios.jsonl` | the ledger: one line a scenario of the closed loop |
-//! | `results.jsonl` | one line a frame, perturbation and level of an offline evaluation |
+//! | `scenarios.jsonl` | the ledger: one line for each scenario of the closed loop |
+//! | `results.jsonl` | one line for each frame, perturbation and level of an offline evaluation |
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
 //! | `shard.json` | in the record of a part of a run: the scenarios and evaluations of the whole |
@@ -26,7 +26,7 @@ use crate::manifest::Manifest;
 
 /// The name of the manifest in a run directory.
 pub const MANIFEST: &str = "manifest.json";
-/// The name of the ledger: the file with one line a scenario.
+/// The name of the ledger: the file with one line for each scenario.
 pub const SCENARIOS: &str = "scenarios.jsonl";
 /// The name of the file with one line an offline result.
 pub const RESULTS: &str = "results.jsonl";

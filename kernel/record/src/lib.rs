@@ -5,7 +5,7 @@
 //! | module | subject |
 //! |---|---|
 //! | [`directory`] | the folder of a run |
-//! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
+//! | [`ledger`] | one line for each outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run, with the [`files`] that it read; `inputs` makes one hash of the files of a dataset and the like |
 //! | [`located`] | where these files are, as seen from here |
 //! | [`shard`] | the parts of a run |
