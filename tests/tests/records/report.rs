@@ -42,9 +42,9 @@ fn page(record: &Path) -> String {
     read(&record.join("report.html"))
 }
 
-/// A page, with slashes as they are.
+/// A page, with slashes and spaces as they are.
 fn read(path: &Path) -> String {
-    fs::read_to_string(path).unwrap().replace("&#x2f;", "/")
+    fs::read_to_string(path).unwrap().replace("&#x2f;", "/").replace('\u{a0}', " ")
 }
 
 /// The row of a heat map as texts: its heading and its cells.
@@ -78,10 +78,14 @@ fn a_page_says_what_the_record_says() {
     let causes: Vec<&str> = outcomes.iter().map(|outcome| outcome["cause"].as_str().unwrap()).collect();
     assert_eq!(causes, ["finished", "finished", "lane_departure"], "the page needs a failure");
     assert!(page.contains("3 scenarios were driven, and 1 failed (33 %)"));
-    assert!(page.contains("The worst perturbation is translate_image: 1 of 1 failed, at level 4."));
+    assert!(
+        page.contains("lane_keeper fails under 1 of 2 perturbations: translate_image (already at level 4).")
+    );
     assert_eq!(row(&page, "translate_image"), ["·", "failed"]);
     assert_eq!(row(&page, "contrast"), ["ok", "·"]);
-    assert!(page.contains("How sure this is") && page.contains("fails from level"));
+    assert!(page.contains("From one road nothing follows about others") && !page.contains("effect size"));
+    let (results, provenance) = page.split_once("Where this comes from").unwrap();
+    assert!(provenance.contains("This command repeats the run") && !results.contains("--set"));
     for outcome in &outcomes {
         let mean = format!("{:.3}", outcome["mean_cross_track_error"].as_f64().unwrap());
         // That of a drive that was cut short is not comparable.

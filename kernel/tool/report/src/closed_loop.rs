@@ -1,9 +1,11 @@
 //! What was driven: which perturbations make the driver fail, how soon, and where.
 
 mod curves;
+pub mod failing;
 mod maps;
 #[cfg(test)]
 mod tests;
+mod verdict;
 
 use std::collections::BTreeMap;
 
@@ -12,13 +14,15 @@ use serde::Serialize;
 
 use crate::closed_loop::curves::curves;
 use crate::closed_loop::maps::{grids, largest_error};
+pub use crate::closed_loop::verdict::verdict;
 use crate::color::{ORDERED, Rgb};
 use crate::conclusions::{Conclusions, conclusions};
 use crate::curve::Chart;
 use crate::heat::Grid;
 use crate::road::{self, Picture};
-use crate::tally::{Tally, by_severity, levels};
-use crate::text::{self, count, number, percent, was};
+use crate::tally::{by_severity, levels};
+use crate::text::{self, count, number, percent};
+use crate::tracks::Tracks;
 use crate::view::{Drive, Measures, Scenario, Verdict};
 
 /// Roads that have a picture.
@@ -32,11 +36,13 @@ pub struct Section {
     simulator: String,
     driver: String,
     mode: String,
-    failed: Grid,
-    error: Grid,
-    conclusions: Conclusions,
-    curves: Vec<Chart>,
-    roads: Vec<Picture>,
+    /// The picture of failing levels, if it is not shared with other drives.
+    pub failing: Option<Tracks>,
+    pub failed: Grid,
+    pub error: Grid,
+    pub conclusions: Conclusions,
+    pub curves: Vec<Chart>,
+    pub roads: Vec<Picture>,
     /// The sentence about roads without a picture.
     road_note: String,
     classes: Vec<Class>,
@@ -118,95 +124,6 @@ pub fn worst_failures(drive: &Drive, most: usize) -> Vec<usize> {
     rounds.into_iter().take(most).map(|(_, position)| position).collect()
 }
 
-/// A sentence about a driver that fails without perturbation, where others of its drives are perturbed.
-fn failing_unperturbed(drive: &Drive) -> Option<String> {
-    let of = |perturbed: bool| {
-        Tally::of(drive.scenarios.iter().filter(|scenario| scenario.perturbation.is_some() == perturbed))
-    };
-    let nominal = of(false);
-    if nominal.failed == 0 || of(true).judged == 0 {
-        return None;
-    }
-    let failed = match nominal.judged {
-        1 => "its only drive".to_owned(),
-        judged => format!("{} of {judged} drives", nominal.failed),
-    };
-    Some(format!(
-        "{} fails {failed} without any perturbation, so its failures under perturbations say little about these.",
-        drive.driver
-    ))
-}
-
-/// The sentences on top of the page.
-pub fn verdict(drives: &[Drive]) -> Vec<String> {
-    let all = || drives.iter().flat_map(|drive| &drive.scenarios);
-    let (tally, total) = (Tally::of(all()), all().count());
-    let void = total - tally.judged;
-    let mut first = match (tally.judged, tally.failed) {
-        (0, _) => format!("{} driven, but none to its end", was(total, "scenario")),
-        (_, 0) => format!("{} driven, and none failed", was(total, "scenario")),
-        (_, failed) => {
-            format!(
-                "{} driven, and {failed} failed ({})",
-                was(total, "scenario"),
-                percent(tally.share_of_drives())
-            )
-        }
-    };
-    let nominal = Tally::of(all().filter(|scenario| scenario.perturbation.is_none()));
-    if nominal.judged > 0 && nominal.judged < tally.judged && tally.failed > 0 {
-        first += &match (nominal.judged, nominal.failed) {
-            (1, 0) => ", but not the one without perturbation".to_owned(),
-            (judged, 0) => format!(", none of the {judged} without perturbation"),
-            // A sentence of their own says it.
-            _ => String::new(),
-        };
-    }
-    let all_of = |part: usize| part == tally.failed;
-    first += &match (tally.stopped, tally.late) {
-        (0, 0) => String::new(),
-        (stopped, 0) if all_of(stopped) => {
-            "; no vehicle left its lane or hit anything: they stopped".to_owned()
-        }
-        (0, late) if all_of(late) => {
-            "; no vehicle left its lane or hit anything: they were too slow".to_owned()
-        }
-        (stopped, late) if all_of(stopped + late) => {
-            format!("; no vehicle left its lane or hit anything: {stopped} stopped, {late} were too slow")
-        }
-        (stopped, 0) => format!("; in {stopped} of the failed ones the vehicle stopped"),
-        (0, late) => format!("; in {late} of the failed ones the vehicle was too slow"),
-        (stopped, late) => {
-            format!("; in {stopped} of the failed ones the vehicle stopped, in {late} it was too slow")
-        }
-    };
-    if void > 0 {
-        first += &format!("; in {void} a component failed, which says nothing about the driver");
-    }
-    let mut sentences: Vec<String> = drives.iter().filter_map(failing_unperturbed).collect();
-    sentences.push(first + ".");
-    if let Some((name, worst)) = by_severity(drives.iter().map(|drive| drive.scenarios.as_slice())).first() {
-        let failing = all().filter(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(name));
-        let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);
-        let from = match lowest {
-            None => String::new(),
-            Some(level) if worst.failed == 1 => format!(", at level {}", text::short(level)),
-            Some(level) => format!(", the first at level {}", text::short(level)),
-        };
-        sentences.push(match (worst.judged, worst.failed) {
-            (0, _) => format!("Nothing can be said about {name}."),
-            (_, 0) => format!(
-                "The largest deviation comes with {name}: {} m from the middle of the lane on average.",
-                number(worst.mean_error().unwrap_or_default())
-            ),
-            (judged, failed) => {
-                format!("The worst perturbation is {name}: {failed} of {judged} failed{from}.")
-            }
-        });
-    }
-    sentences
-}
-
 /// All that the page says about a drive, one of `all` of the run. `classes` are the edges of the colours of cross-track errors.
 ///
 /// # Errors
@@ -244,6 +161,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         simulator: drive.simulator.clone(),
         driver: drive.driver.clone(),
         mode: drive.mode.clone(),
+        failing: if all.len() > failing::TOGETHER { failing::picture(&[drive]) } else { None },
         failed,
         error,
         conclusions: conclusions(drive, all),

@@ -11,7 +11,7 @@ use pdk_statistics::paired::{Paired, compare};
 use serde::Serialize;
 
 use crate::tally::{Tally, by_severity, levels};
-use crate::text::{number, percent};
+use crate::text::percent;
 use crate::view::{Drive, Verdict};
 
 /// What a share can be.
@@ -26,6 +26,12 @@ pub struct Conclusions {
     pub highest: String,
     /// How many roads there are.
     pub roads: usize,
+    /// Whether there is only one, from which nothing follows about others.
+    is_on_one_road: bool,
+    /// Whether there are several groups, vehicles that stopped, and vehicles that were too slow.
+    with_groups: bool,
+    with_stopped: bool,
+    with_late: bool,
     /// What differs from another driver.
     pub others: Vec<Other>,
 }
@@ -33,8 +39,13 @@ pub struct Conclusions {
 /// A perturbation.
 #[derive(Debug, Serialize)]
 pub struct Row {
-    group: usize,
-    perturbation: String,
+    /// Rows of a group cannot be told apart.
+    pub group: usize,
+    /// The perturbation.
+    pub perturbation: String,
+    /// The figures behind the texts.
+    #[serde(skip)]
+    pub figures: Figures,
     failed: String,
     share: String,
     interval: String,
@@ -44,6 +55,19 @@ pub struct Row {
     level_interval: String,
     /// Less the share that failed without perturbation on the same roads.
     difference: Difference,
+}
+
+/// What a row is made of.
+#[derive(Debug)]
+pub struct Figures {
+    /// Drives that failed, and all that say something.
+    pub drives: (usize, usize),
+    /// The share of levels that fail.
+    pub share: Option<Estimate>,
+    /// From which level on it fails.
+    pub level: Option<FailingLevel>,
+    /// What it fails more often than without perturbation.
+    pub difference: Option<Paired>,
 }
 
 /// A difference as a table has it.
@@ -83,9 +107,16 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
             let estimate = tally.estimate();
             let (fails_at, level_interval) =
                 found.map_or_else(Default::default, |found| told(&found, highest));
+            let paired = compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE);
             Row {
                 group,
                 perturbation: name.clone(),
+                figures: Figures {
+                    drives: (tally.failed, tally.judged),
+                    share: estimate,
+                    level: found,
+                    difference: paired,
+                },
                 failed: format!("{} of {}", tally.failed, tally.judged),
                 share: estimate.map_or_else(String::new, |share| percent(share.value)),
                 interval: estimate.map_or_else(String::new, |share| interval(&share, percent)),
@@ -93,7 +124,7 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
                 late: tally.late,
                 fails_at,
                 level_interval,
-                difference: difference(compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE)),
+                difference: difference(paired),
             }
         })
         .collect();
@@ -105,7 +136,18 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
         .map(|other| Other { driver: other.driver.clone(), rows: against(drive, other, &order) })
         .filter(|other| !other.rows.is_empty())
         .collect();
-    Conclusions { rows, highest: crate::text::short(highest), roads: roads.len(), others }
+    let rows: Vec<Row> = rows;
+    Conclusions {
+        // One road has no share that could differ from others, no interval and no test.
+        is_on_one_road: roads.len() < 2,
+        with_groups: rows.iter().any(|row| row.group > 1),
+        with_stopped: rows.iter().any(|row| row.stopped > 0),
+        with_late: rows.iter().any(|row| row.late > 0),
+        rows: if roads.len() < 2 { Vec::new() } else { rows },
+        highest: crate::text::short(highest),
+        roads: roads.len(),
+        others,
+    }
 }
 
 /// The roads of a drive, in a fixed order.
@@ -169,10 +211,10 @@ fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
 /// A failing level and its interval.
 pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
     let of = |level: Option<f64>| match level {
-        Some(level) => number(level),
+        Some(level) => crate::text::level(level),
         None => format!("above {}", crate::text::short(highest)),
     };
-    let level = found.level.map_or("never".to_owned(), number);
+    let level = found.level.map_or("never".to_owned(), crate::text::level);
     let interval = match found.low {
         Some(_) => format!("{} to {}", of(found.low), of(found.high)),
         None => of(None),
@@ -227,7 +269,7 @@ mod tests {
             .map(|row| (row.group, row.perturbation.as_str(), row.fails_at.as_str(), row.interval.as_str()))
             .collect();
         assert_eq!(told[0].0, 1);
-        assert_eq!((told[0].1, told[0].2), ("fog", "1.50"));
+        assert_eq!((told[0].1, told[0].2), ("fog", "1.5"));
         assert_eq!(told[1], (2, "rain", "never", "0 % to 28 %"));
         assert_eq!((told[2].0, told[2].1), (2, "snow"));
         assert_eq!(found.rows[1].level_interval, "above 4");

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use pdk_model::level::MAX_INTENSITY;
 use serde::Serialize;
 
-use crate::color::{self, Rgb};
+use crate::color::{Hue, Shade};
 use crate::text;
 
 /// If there are more different levels than this, a column has all from one whole level to below the next.
@@ -37,10 +37,24 @@ pub struct Cell {
     pub text: String,
     /// What it says, as a sentence.
     pub title: String,
-    /// The ground.
-    pub ground: Rgb,
-    /// The text's colour on it.
-    pub ink: Rgb,
+    /// Its colour.
+    pub shade: Shade,
+    /// The number as it was computed; none if nothing was measured.
+    #[serde(skip)]
+    pub value: Option<f64>,
+    /// Whether some of its drives failed, although its number is about the others.
+    pub mixed: bool,
+}
+
+/// A ramp in the legend.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ramp {
+    /// What its colours say.
+    pub hue: Hue,
+    /// What its first colour stands for; empty if only its last is explained.
+    pub least: String,
+    /// What its last colour stands for.
+    pub most: String,
 }
 
 /// A table.
@@ -52,8 +66,8 @@ pub struct Grid {
     pub nominal: Option<Cell>,
     /// The other rows.
     pub rows: Vec<Row>,
-    /// What the lightest and the darkest colour stand for.
-    pub legend: (String, String),
+    /// What the colours stand for.
+    pub legend: Vec<Ramp>,
 }
 
 /// A row: a cell for each column, or none if nothing was measured.
@@ -67,9 +81,20 @@ pub struct Row {
 
 impl Cell {
     /// A cell with the colour of a share from 0 to 1.
-    pub fn new(text: String, title: String, share: f64) -> Self {
-        let ground = color::ramp(share);
-        Self { text, title, ground, ink: color::ink(ground) }
+    pub fn new(text: String, title: String, hue: Hue, share: f64) -> Self {
+        Self { text, title, shade: Shade::new(hue, share), value: None, mixed: false }
+    }
+
+    /// With the number as it was computed.
+    pub fn of(self, value: Option<f64>) -> Self {
+        Self { value: value.filter(|value| value.is_finite()), ..self }
+    }
+}
+
+impl Ramp {
+    /// One from the least to the most.
+    pub fn new(hue: Hue, least: &str, most: &str) -> Self {
+        Self { hue, least: least.to_owned(), most: most.to_owned() }
     }
 }
 
@@ -106,7 +131,7 @@ impl Columns {
 
     /// Puts measurements into a table, of which each has the place of a [column](Columns::column); the rows come in this order. Where
     /// two have one place, the first counts.
-    pub fn grid(self, entries: &[Entry], order: &[String], legend: (String, String)) -> Grid {
+    pub fn grid(self, entries: &[Entry], order: &[String], legend: Vec<Ramp>) -> Grid {
         let mut levels: Vec<f64> = entries.iter().filter_map(|entry| entry.level).collect();
         levels.sort_by(f64::total_cmp);
         levels.dedup();
@@ -151,7 +176,7 @@ mod tests {
         let entry = |row: Option<&str>, level: Option<f64>, text: &str| Entry {
             row: row.map(str::to_owned),
             level,
-            cell: Cell::new(text.to_owned(), String::new(), 0.5),
+            cell: Cell::new(text.to_owned(), String::new(), Hue::Failed, 0.5),
         };
         // The two zeros are one level.
         assert_eq!(key(0.0), key(-0.0));
@@ -175,7 +200,7 @@ mod tests {
 
     #[test]
     fn without_schedules_there_is_no_column_for_them() {
-        let cell = Cell::new("1".into(), String::new(), 1.0);
+        let cell = Cell::new("1".into(), String::new(), Hue::Failed, 1.0);
         let entries = [
             Entry { row: None, level: None, cell: cell.clone() },
             Entry { row: Some("a".into()), level: Some(1.0), cell },

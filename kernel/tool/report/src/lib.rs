@@ -40,6 +40,7 @@ mod search;
 mod strategies;
 mod tally;
 mod text;
+mod tracks;
 mod view;
 
 pub use page::render;

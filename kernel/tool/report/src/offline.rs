@@ -1,13 +1,15 @@
 //! What perturbations do to predictions on a recording.
 
+pub mod picture;
+
 use std::collections::HashMap;
 
 use pdk_sdk::error::Result;
 use serde::Serialize;
 
-use crate::color::{LINES, NOMINAL};
+use crate::color::{Hue, LINES, NOMINAL};
 use crate::curve::{Axes, Chart, Curve, chart};
-use crate::heat::{self, Cell, Columns, Entry, Grid};
+use crate::heat::{self, Cell, Columns, Entry, Grid, Ramp};
 use crate::text::{self, count, number, was};
 use crate::view::{Evaluation, EvaluationCell};
 
@@ -20,15 +22,15 @@ const FEWEST: usize = 30;
 /// What the page says about an evaluation.
 #[derive(Debug, Serialize)]
 pub struct Section {
-    number: u64,
-    driver: String,
+    pub number: u64,
+    pub driver: String,
     dataset: String,
     frames: usize,
     original_error: String,
     bad_frames: Vec<(String, String)>,
-    error: Grid,
-    drift: Grid,
-    curves: Vec<Chart>,
+    pub error: Grid,
+    pub drift: Grid,
+    pub curves: Vec<Chart>,
     worst: Vec<WorstRow>,
 }
 
@@ -130,11 +132,15 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
     let second = worst.map(|worst| {
         let times = worst.error / evaluation.original_error;
         let times = match times.is_finite() && times >= 1.0 {
-            true => format!(", {times:.1} times as much"),
+            true => format!(", {times:.1} times as much as without"),
             false => String::new(),
         };
+        let interval = if worst.error.is_nan() { worst.drift_interval } else { worst.error_interval };
+        let interval = interval.filter(|(low, high)| low.is_finite() && high.is_finite());
+        let sure = interval
+            .map_or_else(String::new, |(low, high)| format!(" (95 %: {} to {})", number(low), number(high)));
         format!(
-            "{with}{the} worst is {} at level {}, where it {} {}{times}.",
+            "{with}{the} worst perturbation is {}: at level {} the steering {} {}{sure}{times}.",
             worst.perturbation,
             text::short(worst.level),
             if worst.error.is_nan() { "drifts by" } else { "is off by" },
@@ -150,7 +156,8 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
             number(evaluation.constant_error)
         )
     });
-    worthless.into_iter().chain([first]).chain(second).collect()
+    // What breaks it comes before what was done.
+    worthless.into_iter().chain(second).chain([first]).collect()
 }
 
 /// All that the page says about an evaluation.
@@ -235,7 +242,7 @@ impl<'a> Means<'a> {
 fn heat_map(means: &Means<'_>, order: &[String], nominal: Option<f64>, largest: f64) -> Grid {
     let cell = |value: f64, what: String| {
         let share = if largest > 0.0 { value / largest } else { 0.0 };
-        Cell::new(number(value), format!("{what}: {}", number(value)), share)
+        Cell::new(number(value), format!("{what}: {}", number(value)), Hue::Distance, share).of(Some(value))
     };
     let mut entries: Vec<Entry> = means
         .places
@@ -259,7 +266,7 @@ fn heat_map(means: &Means<'_>, order: &[String], nominal: Option<f64>, largest: 
         level: None,
         cell: cell(value, "without perturbation".to_owned()),
     }));
-    means.columns.grid(&entries, order, ("0".to_owned(), number(largest)))
+    means.columns.grid(&entries, order, vec![Ramp::new(Hue::Distance, "0", &number(largest))])
 }
 
 /// The error over the level for the worst perturbations, with that of the original frames.
@@ -341,22 +348,22 @@ mod tests {
         for (mild, strong) in [(&mild.error, &strong.error), (&mild.drift, &strong.drift)] {
             assert_eq!(mild.legend, strong.legend);
             assert_ne!(
-                mild.rows[0].cells[1].as_ref().unwrap().ground,
-                strong.rows[0].cells[1].as_ref().unwrap().ground
+                mild.rows[0].cells[1].as_ref().unwrap().shade,
+                strong.rows[0].cells[1].as_ref().unwrap().shade
             );
         }
         // A value has one colour in both: rain at level 4 of the first is as much as fog at level 0 of the second.
         let ground = |section: &Section, row: usize, column: usize| {
-            section.error.rows[row].cells[column].as_ref().unwrap().ground
+            section.error.rows[row].cells[column].as_ref().unwrap().shade
         };
         assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
         let sentences = verdict(&second, true);
         assert!(
-            sentences[0].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
+            sentences[1].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
             "{sentences:?}"
         );
         assert!(
-            sentences[1].starts_with("With onnx (model=b.onnx), the worst is rain at level 4"),
+            sentences[0].starts_with("With onnx (model=b.onnx), the worst perturbation is rain: at level 4"),
             "{sentences:?}"
         );
     }
@@ -366,9 +373,9 @@ mod tests {
         assert_eq!(
             verdict(&evaluation(), false),
             [
+                "The worst perturbation is rain: at level 4 the steering is off by 0.400, 4.0 times as much as without.",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
                  is off by 0.100 on average.",
-                "The worst is rain at level 4, where it is off by 0.400, 4.0 times as much.",
             ]
         );
     }
@@ -406,9 +413,9 @@ mod tests {
         assert_eq!(
             verdict(&evaluation, false),
             [
+                "The worst perturbation is rain: at level 4 the steering drifts by 0.200 (95 %: 0.100 to 0.400).",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); no steering was recorded to compare \
                  with.",
-                "The worst is rain at level 4, where it drifts by 0.200.",
             ]
         );
         assert_eq!(alone(&evaluation).drift.rows[0].label, "rain");

@@ -6,8 +6,9 @@ use pdk_statistics::CONFIDENCE;
 use pdk_statistics::level::{FailingLevel, failing_level};
 use serde::Serialize;
 
+use crate::color::Hue;
 use crate::conclusions::{Trials, on_roads, roads, told, trials};
-use crate::heat::{Cell, Row};
+use crate::heat::{Cell, Ramp, Row};
 use crate::text;
 use crate::view::Drive;
 
@@ -22,6 +23,8 @@ pub struct Overview {
     rows: Vec<Row>,
     /// The highest level that was driven.
     highest: String,
+    /// What the colours stand for.
+    legend: Vec<Ramp>,
 }
 
 /// What the page says about all drives of a run together; nothing if there is only one, or nothing was perturbed.
@@ -65,7 +68,7 @@ pub fn overview(drives: &[Drive]) -> Option<Overview> {
                     text::count(*roads, "road")
                 );
                 let shown = found.level.map_or("–".to_owned(), |level| format!("{level:.1}"));
-                Some(Cell::new(shown, title, depth(found)))
+                Some(Cell::new(shown, title, Hue::Failed, depth(found)).of(found.level))
             })
             .collect();
         rows.push((depths.iter().sum::<f64>() / depths.len() as f64, Row { label: name.clone(), cells }));
@@ -82,6 +85,11 @@ pub fn overview(drives: &[Drive]) -> Option<Overview> {
         simulators,
         drivers: drives.iter().map(|drive| drive.driver.clone()).collect(),
         rows: rows.into_iter().map(|(_, row)| row).collect(),
+        legend: vec![Ramp::new(
+            Hue::Failed,
+            &format!("survives level {}", text::short(highest)),
+            "fails at level 0",
+        )],
         highest: text::short(highest),
     })
 }
@@ -140,7 +148,7 @@ mod tests {
         );
         let title = &found.rows[1].cells[0].as_ref().unwrap().title;
         assert!(
-            title.starts_with("fog, a in easy: fails from level 2.50 on (95 %: ")
+            title.starts_with("fog, a in easy: fails from level 2.5 on (95 %: ")
                 && title.ends_with("20 drives on 4 roads"),
             "{title}"
         );

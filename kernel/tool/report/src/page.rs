@@ -4,6 +4,7 @@ use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
 use pdk_sdk::error::{Error, Result};
 use serde::Serialize;
 
+use crate::closed_loop::failing::{self, TOGETHER};
 use crate::text::{count, date, number, percent};
 use crate::view::{Drive, DriveTimes, EvaluateTimes, Run};
 use crate::{closed_loop, color, offline, overview, road, search, strategies};
@@ -29,15 +30,16 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 8] = [
+const TEMPLATES: [(&str, &str); 9] = [
     ("page.html", include_str!("template/page.html")),
     ("overview.html", include_str!("template/overview.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
     ("search.html", include_str!("template/search.html")),
     ("strategies.html", include_str!("template/strategies.html")),
     ("parts.html", include_str!("template/parts.html")),
+    ("provenance.html", include_str!("template/provenance.html")),
     ("style.css", include_str!("template/style.css")),
-    ("sort.js", include_str!("template/sort.js")),
+    ("page.js", include_str!("template/page.js")),
 ];
 
 /// Makes the page.
@@ -69,6 +71,11 @@ pub fn render(run: &Run) -> Result<String> {
     let drive_times = run.drive_times.as_ref().map(drive_row);
     let evaluate_times: Vec<EvaluateRow> = run.evaluate_times.iter().map(evaluate_row).collect();
     let setup = &run.setup;
+    // A few drives fit into one picture, many into a table.
+    let (failing, overview) = match run.drives.len() {
+        0..=TOGETHER => (failing::picture(&run.drives.iter().collect::<Vec<_>>()), None),
+        _ => (None, overview::overview(&run.drives)),
+    };
     let scenarios = run.drives.iter().map(|drive| drive.scenarios.len()).sum();
     let page = context! {
         title => run.title,
@@ -78,7 +85,7 @@ pub fn render(run: &Run) -> Result<String> {
         verdict,
         scenarios => count(scenarios, "scenario"),
         tested => tested(&run.drives),
-        overview => overview::overview(&run.drives),
+        overview,
         drives,
         evaluations,
         comparisons,
@@ -86,7 +93,9 @@ pub fn render(run: &Run) -> Result<String> {
         setup,
         drive_times,
         evaluate_times,
-        gradient => color::gradient(),
+        colors => color::style(),
+        failing,
+        errors => offline::picture::picture(&run.evaluations),
     };
     let place = |error: minijinja::Error| Error::new(format!("cannot make the page ({error:#})"));
     let mut environment = Environment::new();
@@ -309,7 +318,7 @@ mod tests {
     #[test]
     fn whatever_stands_in_a_text_is_text() {
         let page = render(&run()).unwrap();
-        assert!(!page.contains("<script>alert") && !page.contains("x\")"), "a text got through");
+        assert!(!page.contains("<script>alert") && !page.contains("(\"x\")"), "a text got through");
         assert!(page.matches("&lt;script&gt;alert").count() > 25);
         assert_eq!(page.matches("<script>").count(), 1);
         check_tags(&page);
@@ -329,7 +338,7 @@ mod tests {
     fn every_section_is_there() {
         let page = render(&run()).unwrap();
         for part in [
-            "driven, and 1 failed (50 %)",
+            "driven, and 1 failed (50\u{a0}%)",
             ">✗ 3.00 s</td>",
             ">failed</td>",
             "0.250",

@@ -43,7 +43,7 @@ pub fn classes(drives: &[Drive]) -> Vec<f64> {
 }
 
 /// The smallest of 1, 2, 2.5 and 5 times a power of ten that is not below a size.
-fn round_step(size: f64) -> f64 {
+pub fn round_step(size: f64) -> f64 {
     let mut power = 1e-6;
     loop {
         for factor in [1.0, 2.0, 2.5, 5.0] {
@@ -212,10 +212,10 @@ fn marks(frame: &Frame, scenarios: &[&Scenario]) -> String {
         }
         let _ = writeln!(
             text,
-            "<path class=\"mark\" d=\"M{} {}l22 22m0-22l-22 22\"><title>{}</title></path>",
+            "<path class=\"mark\" tabindex=\"-1\" role=\"img\" aria-label=\"{names}\" d=\"M{} {}l22 22m0-22l-22 22\"><title>{names}</title></path>",
             x - 11,
             y - 11,
-            minijinja::HtmlEscape(&names.join("\n"))
+            names = minijinja::HtmlEscape(&names.join("; "))
         );
     }
     text

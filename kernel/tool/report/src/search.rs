@@ -17,14 +17,14 @@ const PAIRS: usize = 3;
 /// What the page says about a search.
 #[derive(Debug, Serialize)]
 pub struct Section {
-    name: String,
+    pub name: String,
     facts: Vec<(&'static str, String)>,
     /// Regions in which most tests are critical: words, critical and all tests there, their share.
     regions: Vec<(String, String, String)>,
     tree: Vec<Branch>,
-    curves: Vec<Chart>,
-    space: Vec<Scatter>,
-    objectives: Vec<Scatter>,
+    pub curves: Vec<Chart>,
+    pub space: Vec<Scatter>,
+    pub objectives: Vec<Scatter>,
     legend: Vec<(String, crate::color::Rgb)>,
     columns: Vec<String>,
     failures: Vec<Failure>,

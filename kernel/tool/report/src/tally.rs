@@ -104,6 +104,11 @@ impl Tally {
         mean::over_roads(&shares, SHARE, CONFIDENCE)
     }
 
+    /// How many roads there are.
+    pub fn roads(&self) -> usize {
+        self.roads.len()
+    }
+
     /// The share that failed on each of these roads; none if it was not driven.
     pub fn shares(&self, roads: &[String]) -> Vec<Option<f64>> {
         roads.iter().map(|road| self.roads.get(road)?.share(&self.levels)).collect()

@@ -5,6 +5,11 @@ pub fn short(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6)
 }
 
+/// A level that was computed: two digits behind the point at most.
+pub fn level(value: f64) -> String {
+    short((value * 100.0).round() / 100.0)
+}
+
 /// A number that is read in a table: three digits behind the point, fewer where it is large.
 pub fn number(value: f64) -> String {
     match value.abs() {

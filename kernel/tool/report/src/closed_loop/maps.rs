@@ -5,8 +5,9 @@ use std::collections::{BTreeSet, HashMap};
 use pdk_statistics::level::{Trial, fails_at};
 
 use crate::closed_loop::NO_PERTURBATION;
+use crate::color::Hue;
 use crate::conclusions::{Trials, trials};
-use crate::heat::{self, Cell, Columns, Grid};
+use crate::heat::{self, Cell, Columns, Grid, Ramp};
 use crate::tally::{Tally, levels};
 use crate::text::{number, percent};
 use crate::view::{Drive, Scenario};
@@ -29,7 +30,7 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64], largest: f64) -> (
     let columns = columns(drive, chosen);
     let cells = counted(drive, order, columns, chosen);
     let trials = trials(drive);
-    let (mut failed, mut error) = (Vec::new(), Vec::new());
+    let (mut failed, mut error, mut hues) = (Vec::new(), Vec::new(), Vec::new());
     for Counted { name, level, tally, total } in cells {
         let what = match (name, level) {
             (None, _) => NO_PERTURBATION.to_owned(),
@@ -41,34 +42,61 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64], largest: f64) -> (
             void => format!("; in {void} a component failed"),
         };
         let title = format!("{what}: {}{void}", tally.told());
-        let push = |entries: &mut Vec<heat::Entry>, text: String, title: String, share: f64| {
-            entries.push(heat::Entry { row: name.cloned(), level, cell: Cell::new(text, title, share) });
-        };
-        match name.zip(level.filter(|_| !chosen.is_empty())) {
+        let entry = |cell: Cell| heat::Entry { row: name.cloned(), level, cell };
+        let (cause, mark) = cause(&tally);
+        hues.push(cause);
+        let (text, share, value) = match name.zip(level.filter(|_| !chosen.is_empty())) {
             Some((name, level)) => match share_at(&trials, name, level) {
-                Some(share) => push(&mut failed, percent(share), title.clone(), share),
-                None => push(&mut failed, "–".to_owned(), title.clone(), 0.0),
+                Some(share) => (percent(share), share, Some(share)),
+                None => ("–".to_owned(), 0.0, None),
             },
-            None => push(&mut failed, share_of_drives(&tally), title.clone(), tally.share_of_drives()),
-        }
-        // A drive that was cut short has no mean that could be compared: where all were, it is how soon.
-        let (shown, depth) = match (tally.mean_error(), tally.time_to_failure()) {
-            (None, None) => ("–".to_owned(), 0.0),
-            (None, Some(seconds)) => (format!("✗ {} s", number(seconds)), 1.0),
-            (Some(metres), time) => {
-                let mark = if time.is_some() { " ✗" } else { "" };
-                (format!("{}{mark}", number(metres)), metres / largest)
+            None => {
+                let share = tally.share_of_drives();
+                (share_of_drives(&tally), share, (tally.judged > 0).then_some(share))
             }
+        };
+        failed.push(entry(Cell::new(text, title.clone(), cause, share).of(value)));
+        // A drive that was cut short has no mean that could be compared: where all were, it is how soon.
+        let cell = match (tally.mean_error(), tally.time_to_failure()) {
+            (None, None) => Cell::new("–".to_owned(), title, Hue::Distance, 0.0),
+            (None, Some(seconds)) => Cell::new(format!("{mark} {} s", number(seconds)), title, cause, 1.0),
+            (Some(metres), None) => Cell::new(number(metres), title, Hue::Distance, metres / largest),
+            (Some(metres), Some(_)) => Cell {
+                mixed: true,
+                ..Cell::new(format!("{} {mark}", number(metres)), title, Hue::Distance, metres / largest)
+            },
         };
         // What was not driven has no error.
         if total > 0 {
-            push(&mut error, shown, title, depth);
+            error.push(entry(cell.of(tally.mean_error())));
         }
     }
+    let of_cause =
+        |hue: Hue, least: &str, most: &str| hues.contains(&hue).then(|| Ramp::new(hue, least, most));
+    let causes = |least: &str| {
+        let all = [
+            of_cause(Hue::Failed, least, "all failed"),
+            of_cause(Hue::Stopped, "", "all stopped"),
+            of_cause(Hue::Late, "", "all too slow"),
+        ];
+        all.into_iter().flatten().collect::<Vec<_>>()
+    };
+    let distance = Ramp::new(Hue::Distance, "0 m", &format!("{} m", number(largest)));
+    let any_failed = drive.scenarios.iter().any(|scenario| scenario.verdict.failed());
+    let ends = if any_failed { causes("") } else { Vec::new() };
     (
-        columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
-        columns.grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
+        columns.grid(&failed, order, causes("none failed")),
+        columns.grid(&error, order, [vec![distance], ends].concat()),
     )
+}
+
+/// What most of the failures of a cell are, and the mark of these.
+fn cause(tally: &Tally) -> (Hue, &'static str) {
+    match (2 * tally.stopped > tally.failed, 2 * tally.late > tally.failed) {
+        (true, _) => (Hue::Stopped, "■"),
+        (_, true) => (Hue::Late, "▷"),
+        _ => (Hue::Failed, "✗"),
+    }
 }
 
 /// The largest mean error in the cells of some drives, which are drawn on one scale. It is not below 1 m, so that small errors look small.

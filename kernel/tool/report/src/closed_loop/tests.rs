@@ -31,27 +31,87 @@ fn drive() -> Drive {
     Drive { scenarios, ..Drive::default() }
 }
 
+/// A perturbation at levels 1, 2 and 4 on some roads, failing from a level on.
+fn on_roads(roads: usize, fails: &[(&str, f64)]) -> Drive {
+    let of = |name: Option<&str>, level: f64, road: usize, failed: bool| Scenario {
+        road_id: road.to_string(),
+        ..scenario(name, level, if failed { Verdict::Unsafe } else { Verdict::Passed }, 5.0)
+    };
+    let mut scenarios = Vec::new();
+    for road in 0..roads {
+        scenarios.push(of(None, 0.0, road, false));
+        for (name, from) in fails {
+            scenarios.extend([1.0, 2.0, 4.0].map(|level| of(Some(name), level, road, level >= *from)));
+        }
+    }
+    Drive { driver: "dave2".into(), scenarios, ..Drive::default() }
+}
+
 #[test]
-fn two_sentences_say_what_happened() {
-    let drive = drive();
+fn three_sentences_say_what_breaks_the_driver_from_which_level_on_and_how_sure_that_is() {
+    let drive = on_roads(10, &[("fog", 2.0), ("rain", 4.0), ("snow", 9.0)]);
     assert_eq!(
-        verdict(std::slice::from_ref(&drive)),
+        verdict(&[drive]),
         [
+            "dave2 fails under 2 of 3 perturbations: fog from level 1.5 on (95 %: 1 to 2) and rain from level 3 on (2 to 4).",
+            "100 scenarios were driven, and 30 failed (30 %), none of the 10 without perturbation.",
+            "This was seen on 10 roads: what failed on none of them may still fail on up to 28 % of all roads (95 %).",
+        ]
+    );
+    let few = verdict(&[on_roads(2, &[("fog", 2.0), ("snow", 9.0)])]);
+    assert_eq!(few[0], "dave2 fails under 1 of 2 perturbations: fog from level 1.5 on.");
+    assert_eq!(few[2], "2 roads are too few for an interval of these levels; drive 4 or more.");
+    let none = verdict(&[on_roads(8, &[("fog", 9.0), ("snow", 9.0)])]);
+    assert_eq!(none[0], "dave2 survives all 2 perturbations up to level 4.");
+    assert_eq!(
+        none[1],
+        "The largest deviation comes with fog: 0.200 m from the middle of the lane on average."
+    );
+    assert_eq!(none[2], "32 scenarios were driven, and none failed.".replace("32", "56"));
+}
+
+#[test]
+fn on_one_road_no_sentence_claims_more_than_was_seen() {
+    assert_eq!(
+        verdict(&[Drive { driver: "dave2".into(), ..drive() }]),
+        [
+            "dave2 fails under 2 of 2 perturbations: rain (already at level 1) and fog (survived level 1, failed level 2).",
             "6 scenarios were driven, and 3 failed (60 %), but not the one without perturbation; in 1 a component \
              failed, which says nothing about the driver.",
-            "The worst perturbation is rain: 2 of 2 failed, the first at level 1.",
+            "All of this happened on one road, which says nothing about others.",
         ]
     );
-    let good = Drive { scenarios: drive.scenarios[..2].to_vec(), ..Drive::default() };
-    assert_eq!(
-        verdict(&[good]),
-        [
-            "2 scenarios were driven, and none failed.",
-            "The largest deviation comes with fog: 0.100 m from the middle of the lane on average.",
-        ]
-    );
-    let alone = Drive { scenarios: drive.scenarios[..1].to_vec(), ..Drive::default() };
+    let alone = Drive { scenarios: drive().scenarios[..1].to_vec(), ..Drive::default() };
     assert_eq!(verdict(&[alone]), ["1 scenario was driven, and none failed."]);
+}
+
+#[test]
+fn on_one_road_there_is_no_table_of_certainty() {
+    let of = |roads| {
+        let drive = on_roads(roads, &[("fog", 2.0)]);
+        serde_json::to_value(section(&drive, std::slice::from_ref(&drive), &[0.1]).unwrap()).unwrap()
+    };
+    let (one, many) = (of(1), of(8));
+    assert_eq!(one["conclusions"]["is_on_one_road"], true);
+    assert_eq!(one["conclusions"]["rows"].as_array().map(Vec::len), Some(0));
+    assert_eq!(many["conclusions"]["is_on_one_road"], false);
+    assert_eq!(many["conclusions"]["rows"].as_array().map(Vec::len), Some(1));
+}
+
+#[test]
+fn a_drive_that_was_survived_far_from_the_middle_does_not_look_like_a_failure() {
+    use crate::color::Hue;
+    let mut drive = drive();
+    drive.scenarios[1].mean_error = 1.12;
+    let section = section(&drive, &[], &[0.1]).unwrap();
+    let hue = |row: usize, column: usize| section.error.rows[row].cells[column].as_ref().unwrap().shade.hue;
+    // Fog is the second row: survived at level 1, the lane left at level 2.
+    assert_eq!((hue(1, 0), hue(1, 1)), (Hue::Distance, Hue::Failed));
+    let mut stopped = drive.clone();
+    stopped.scenarios[2].verdict = Verdict::Stopped;
+    let section = super::section(&stopped, &[], &[0.1]).unwrap();
+    assert_eq!(section.error.rows[1].cells[1].as_ref().unwrap().shade.hue, Hue::Stopped);
+    assert!(section.error.legend.iter().any(|ramp| ramp.most == "all stopped"));
 }
 
 #[test]
@@ -65,7 +125,7 @@ fn two_drivers_are_drawn_on_one_scale() {
     let all = [first, second];
     let [first, second] = [0, 1].map(|number| section(&all[number], &all, &[0.1]).unwrap());
     assert_eq!(first.error.legend, second.error.legend);
-    let ground = |section: &Section| section.error.nominal.as_ref().unwrap().ground;
+    let ground = |section: &Section| section.error.nominal.as_ref().unwrap().shade;
     assert_ne!(ground(&first), ground(&second), "half a metre is less than three");
     // The axis of time ends at the same place: a curve that ends at 10 s is half as long.
     let alone = section(&all[0], &[], &[0.1]).unwrap();
@@ -81,7 +141,7 @@ fn a_driver_that_fails_without_perturbation_is_named_first() {
         said[0],
         "dave2 fails its only drive without any perturbation, so its failures under perturbations say little about these."
     );
-    assert!(said[1].starts_with("6 scenarios were driven, and 4 failed (80 %); in 1"), "{said:?}");
+    assert!(said[2].starts_with("6 scenarios were driven, and 4 failed (80 %); in 1"), "{said:?}");
     drive.scenarios.push(scenario(None, 0.0, Verdict::Passed, 10.0));
     assert!(verdict(&[drive])[0].starts_with("dave2 fails 1 of 2 drives without"));
 }
@@ -91,7 +151,7 @@ fn stopping_is_a_failure_of_its_own() {
     let mut drive = drive();
     drive.scenarios[2].verdict = Verdict::Stopped;
     assert!(
-        verdict(std::slice::from_ref(&drive))[0]
+        verdict(std::slice::from_ref(&drive))[1]
             .contains("; in 1 of the failed ones the vehicle stopped; in 1 a")
     );
     let section = section(&drive, &[], &[0.1]).unwrap();
@@ -100,12 +160,12 @@ fn stopping_is_a_failure_of_its_own() {
     assert_eq!(section.scenarios[2].mark, "■");
     drive.scenarios.truncate(3);
     assert!(
-        verdict(std::slice::from_ref(&drive))[0]
+        verdict(std::slice::from_ref(&drive))[1]
             .contains("no vehicle left its lane or hit anything: they stopped.")
     );
     drive.scenarios[2].verdict = Verdict::Late;
     assert!(
-        verdict(std::slice::from_ref(&drive))[0]
+        verdict(std::slice::from_ref(&drive))[1]
             .contains("no vehicle left its lane or hit anything: they were too slow.")
     );
     assert_eq!(super::section(&drive, &[], &[0.1]).unwrap().scenarios[2].mark, "▷");
@@ -127,7 +187,8 @@ fn the_heat_map_counts_what_says_something_about_the_driver() {
         [expected("rain", ["✗ 3.00 s", "–"]), expected("fog", ["0.100", "✗ 5.00 s"])]
     );
     assert_eq!(section.failed.nominal.unwrap().text, "ok");
-    assert_eq!(section.error.legend.1, "1.00 m, or all failed");
+    let legend: Vec<&str> = section.error.legend.iter().map(|ramp| ramp.most.as_str()).collect();
+    assert_eq!(legend, ["1.00 m", "all failed"]);
     assert_eq!(section.curves.len(), 2);
     assert_eq!(section.scenarios.len(), 6);
 }
