@@ -106,7 +106,13 @@ pub const EXAMPLES: &[Examples] = &[
     ),
     (
         "report",
-        &[("pdk report runs/quickstart-1 --open", "write the page about a run and show it in the browser")],
+        &[
+            ("pdk report runs/quickstart-1 --open", "write the page about a run and show it in the browser"),
+            (
+                "pdk report runs/study-1 runs/study-2 -o comparison.html",
+                "one page that compares the drivers of two runs",
+            ),
+        ],
     ),
     (
         "road",
@@ -129,7 +135,22 @@ pub const EXAMPLES: &[Examples] = &[
         "shrink",
         &[("pdk shrink runs/search-1 --scenario 12 -o failure.lua", "the simplest drive that still fails")],
     ),
-    ("export", &[("pdk export runs/quickstart-1 -o scenarios.json", "the scenarios for the published tool")]),
+    (
+        "export",
+        &[
+            (
+                "pdk export runs/quickstart-1 --to csv",
+                "scenarios, telemetry and tables, for pandas and DuckDB",
+            ),
+            (
+                "pdk export runs/quickstart-1 --to svg -o paper",
+                "the pictures of the report, in paper/figures",
+            ),
+            ("pdk export runs/quickstart-1 --to tex -o paper", "its tables for LaTeX, in paper/tables"),
+            ("pdk export runs/quickstart-1 --to junit -o .", "junit.xml: a test case for each scenario"),
+            ("pdk export runs/quickstart-1 -o scenarios.json", "the scenarios for the published tool"),
+        ],
+    ),
     ("merge", &[("pdk merge part-1 part-2 --out whole", "one record from the parts of a run")]),
     (
         "cache",

@@ -8,7 +8,7 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository, target_folder, temp};
 
 /// Commands that are not run, by their beginnings, and why.
-const NOT_RUN: [(&str, &str); 10] = [
+const NOT_RUN: [(&str, &str); 11] = [
     ("pdk run study", "it drives for hours"),
     ("pdk run greedy --set perturbations=motion_blur", "the guide has a transcript of a smaller one"),
     ("pdk run greedy --set perturbations=gaussian_noise", "the guide has a transcript of a smaller one"),
@@ -20,6 +20,7 @@ const NOT_RUN: [(&str, &str); 10] = [
     ),
     ("pdk doctor --simulator", "it needs a simulator that is not here"),
     ("pdk report runs/quickstart-1 --open", "it opens a browser"),
+    ("pdk report runs/quickstart-1 runs/", "it needs a second run; tests of reports compare two"),
     (
         "pdk shrink runs/search-1",
         "the record is that of a long search; the guide has a transcript of another",
@@ -31,12 +32,13 @@ const NOT_RUN: [(&str, &str); 10] = [
 const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugin list", "pdk plugin remove"];
 
 /// Beginnings of commands that drive, or work on the record of the quickstart. They are run in this order, in one folder.
-const LONG: [&str; 7] = [
+const LONG: [&str; 8] = [
     "pdk run scripts/",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set driver=onnx",
     "pdk replay",
     "pdk report",
+    "pdk export",
     "pdk shrink",
     "pdk saliency docs/examples/tub",
 ];

@@ -42,7 +42,7 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ("folder", "kernel/tool/cli/templates/dataset/", "a variable, and a word of documentation"),
     ("process", "kernel/tool/cli/templates/dataset/", "a module of Rust's library"),
     ("grid", "kernel/tool/report/src/template/", "a class of tables in CSS"),
-    ("gradient", "kernel/tool/report/src/color.rs", "a blend of colours in CSS"),
+    ("gradient", "kernel/tool/report/src/", "a blend of colours in CSS"),
     ("onnx", "kernel/tool/cli/", "the format of networks, whose files `pdk show` shows"),
 ];
 

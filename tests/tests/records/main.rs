@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod browser;
+mod export;
 mod inputs;
 mod moved;
 mod received;

@@ -218,6 +218,31 @@ fn a_folder_that_is_not_a_record_is_named() {
     report(&record).fail(1, &["manifest.json"]);
 }
 
+/// Two drivers in one record, and the same driver in two.
+#[test]
+fn drivers_and_records_are_compared_on_one_page() {
+    let folder = temp();
+    let record = driven(folder.path());
+    let other = folder.path().join("other");
+    let script = folder.path().join("pipeline.lua");
+    let text = fs::read_to_string(&script).unwrap();
+    // The other one sees a shifted picture in place of a contrast, so it fails where the first does not.
+    fs::write(&script, text.replace("translate_image@4", "contrast@1")).unwrap();
+    Pdk::new(["run", "--out"]).arg(&other).arg(&script).set("note", "other").succeed();
+    let ran = report(&record).arg(&other).arg("--json").succeed();
+    assert_eq!(ran.json()["scenarios"], 6);
+    let text = read(&record.join("comparison.html"));
+    check_self_contained(&text);
+    let (first, second) =
+        (format!("lane_keeper of {}", record.display()), format!("lane_keeper of {}", other.display()));
+    assert!(text.contains(&format!("{second} beside {first}")), "{first}");
+    assert!(text.contains("cannot be told apart") && text.contains("Who fails where the other does not"));
+    // Both drove the clear view and one level of one perturbation.
+    assert!(text.contains("Of 2 scenarios that both drove, both fail 0"), "{text}");
+    assert!(text.contains(&format!("The record {}", other.display())));
+    assert!(!record.join("report.html").exists());
+}
+
 /// The page goes without frames and paths where traces are gone, and says so.
 #[test]
 fn a_missing_trace_costs_only_its_frames() {

@@ -164,7 +164,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         failing: if all.len() > failing::TOGETHER { failing::picture(&[drive]) } else { None },
         failed,
         error,
-        conclusions: conclusions(drive, all),
+        conclusions: conclusions(drive),
         curves: if all_failed > 0 { curves(drive, &order, &chosen, end)? } else { Vec::new() },
         roads,
         road_note,

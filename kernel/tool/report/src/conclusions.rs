@@ -10,7 +10,7 @@ use pdk_statistics::level::{FailingLevel, Trial, failing_level};
 use pdk_statistics::paired::{Paired, compare};
 use serde::Serialize;
 
-use crate::tally::{Tally, by_severity, levels};
+use crate::tally::{Tally, by_severity};
 use crate::text::percent;
 use crate::view::{Drive, Verdict};
 
@@ -32,8 +32,6 @@ pub struct Conclusions {
     with_groups: bool,
     with_stopped: bool,
     with_late: bool,
-    /// What differs from another driver.
-    pub others: Vec<Other>,
 }
 
 /// A perturbation.
@@ -64,32 +62,25 @@ pub struct Figures {
     pub drives: (usize, usize),
     /// The share of levels that fail.
     pub share: Option<Estimate>,
-    /// From which level on it fails.
-    pub level: Option<FailingLevel>,
     /// What it fails more often than without perturbation.
     pub difference: Option<Paired>,
 }
 
 /// A difference as a table has it.
 #[derive(Debug, Default, Serialize)]
-struct Difference {
-    value: String,
-    interval: String,
-    effect_size: String,
-    p: String,
+pub struct Difference {
+    /// The mean difference.
+    pub value: String,
+    /// Its interval.
+    pub interval: String,
+    /// The rank-biserial correlation.
+    pub effect_size: String,
+    /// The p-value.
+    pub p: String,
 }
 
-/// Another driver under the same conditions.
-#[derive(Debug, Serialize)]
-pub struct Other {
-    /// The driver that is compared with.
-    driver: String,
-    /// For each perturbation that both drove, the share that failed less that of the other.
-    rows: Vec<(String, Difference)>,
-}
-
-/// What can be concluded about a drive; `all` are those of the run.
-pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
+/// What can be concluded about a drive.
+pub fn conclusions(drive: &Drive) -> Conclusions {
     let order = by_severity([drive.scenarios.as_slice()]);
     let roads = roads(drive);
     let trials = trials(drive);
@@ -114,7 +105,6 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
                 figures: Figures {
                     drives: (tally.failed, tally.judged),
                     share: estimate,
-                    level: found,
                     difference: paired,
                 },
                 failed: format!("{} of {}", tally.failed, tally.judged),
@@ -128,14 +118,6 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
             }
         })
         .collect();
-    let others = all
-        .iter()
-        .filter(|other| {
-            other.driver != drive.driver && other.simulator == drive.simulator && other.mode == drive.mode
-        })
-        .map(|other| Other { driver: other.driver.clone(), rows: against(drive, other, &order) })
-        .filter(|other| !other.rows.is_empty())
-        .collect();
     let rows: Vec<Row> = rows;
     Conclusions {
         // One road has no share that could differ from others, no interval and no test.
@@ -146,7 +128,6 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
         rows: if roads.len() < 2 { Vec::new() } else { rows },
         highest: crate::text::short(highest),
         roads: roads.len(),
-        others,
     }
 }
 
@@ -181,29 +162,6 @@ pub fn on_roads(trials: &Trials<'_>, perturbation: &str, roads: &[String]) -> Ve
     roads.iter().map(on_road).collect()
 }
 
-/// What two drivers differ by, over the roads that both drove.
-fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
-    let both = [drive.scenarios.as_slice(), other.scenarios.as_slice()];
-    // Levels that one of them was not driven at may be known by those that it was.
-    let levels = levels(both);
-    let tallies = |drive: &Drive| {
-        let mut tallies: BTreeMap<String, Tally> = BTreeMap::new();
-        for scenario in &drive.scenarios {
-            if let Some(name) = &scenario.perturbation {
-                tallies.entry(name.clone()).or_insert_with(|| Tally::over(&levels)).add(scenario);
-            }
-        }
-        tallies
-    };
-    let (ours, theirs, roads) = (tallies(drive), tallies(other), roads(drive));
-    let row = |(name, _): &(String, Tally)| {
-        let (ours, theirs) = (ours.get(name)?.shares(&roads), theirs.get(name)?.shares(&roads));
-        let paired = compare(&ours, &theirs, SHARE, CONFIDENCE)?;
-        Some((name.clone(), difference(Some(paired))))
-    };
-    order.iter().filter_map(row).collect()
-}
-
 fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
     format!("{} to {}", written(estimate.low), written(estimate.high))
 }
@@ -222,7 +180,8 @@ pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
     (level, interval)
 }
 
-fn difference(paired: Option<Paired>) -> Difference {
+/// A difference as texts; empty if there is none.
+pub fn difference(paired: Option<Paired>) -> Difference {
     let Some(Paired { difference, effect_size, p, .. }) = paired else { return Difference::default() };
     let signed =
         |share: f64| format!("{:+.0} %", share * 100.0).replace("-0 %", "0 %").replace("+0 %", "0 %");
@@ -262,7 +221,7 @@ mod tests {
     #[test]
     fn those_that_never_fail_share_a_group_and_say_how_often_they_may() {
         let drive = drive("a", &[("fog", 2.0), ("rain", 9.0), ("snow", 9.0)]);
-        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let found = conclusions(&drive);
         let told: Vec<_> = found
             .rows
             .iter()
@@ -278,7 +237,7 @@ mod tests {
             ("+60 %", "1.00")
         );
         assert_eq!(found.rows[1].difference.value, "0 %");
-        assert_eq!((found.roads, found.highest.as_str(), found.others.len()), (10, "4", 0));
+        assert_eq!((found.roads, found.highest.as_str()), (10, "4"));
     }
 
     #[test]
@@ -298,23 +257,9 @@ mod tests {
             }));
         }
         let drive = Drive { simulator: "lane".into(), driver: "a".into(), scenarios, ..Drive::default() };
-        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let found = conclusions(&drive);
         let row = &found.rows[0];
         assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 48", "20 %"));
         assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4"));
-    }
-
-    #[test]
-    fn drivers_are_compared_where_both_drove() {
-        let (a, b) = (drive("a", &[("fog", 2.0), ("rain", 9.0)]), drive("b", &[("fog", 3.0)]));
-        let all = [a, b];
-        let found = conclusions(&all[0], &all);
-        assert_eq!(found.others.len(), 1);
-        assert_eq!((found.others[0].driver.as_str(), found.others[0].rows.len()), ("b", 1));
-        let (name, difference) = &found.others[0].rows[0];
-        assert_eq!(
-            (name.as_str(), difference.value.as_str(), difference.p.as_str()),
-            ("fog", "+20 %", "< 0.001")
-        );
     }
 }

@@ -13,10 +13,11 @@
 //! |---|---|
 //! | [`record`] | what a page says, read from the folder of a run |
 //! | [`published`] | scenarios in the JSON shape of the published tool |
+//! | [`tables`], [`figures`] | tables as plain data and pictures as files, for papers and other programs |
 //! | `view` | what a page is about, as plain data |
 //! | `page` | puts the page together; `overview`, `closed_loop`, `offline`, `search` and `strategies` make its parts |
-//! | `heat`, `curve`, `scatter`, `road` | heat maps, curves, points and roads as pictures; `color` has their colours |
-//! | `tally`, `conclusions` | how scenarios went together, and how sure what follows from it is |
+//! | `tracks`, `heat`, `curve`, `scatter`, `road` | estimates, heat maps, curves, points and roads as pictures; `color` has their colours |
+//! | `tally`, `conclusions`, `compare` | how scenarios went together, how sure what follows from it is, and how two drivers differ |
 //! | `text` | numbers, dates and addresses |
 //! | `parallel` | work on all processors |
 //!
@@ -25,8 +26,10 @@
 
 mod closed_loop;
 mod color;
+mod compare;
 mod conclusions;
 mod curve;
+pub mod figures;
 mod heat;
 mod offline;
 mod overview;
@@ -38,6 +41,7 @@ mod road;
 mod scatter;
 mod search;
 mod strategies;
+pub mod tables;
 mod tally;
 mod text;
 mod tracks;

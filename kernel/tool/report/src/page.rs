@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::closed_loop::failing::{self, TOGETHER};
 use crate::text::{count, date, number, percent};
 use crate::view::{Drive, DriveTimes, EvaluateTimes, Run};
-use crate::{closed_loop, color, offline, overview, road, search, strategies};
+use crate::{closed_loop, color, compare, offline, overview, road, search, strategies};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
@@ -30,10 +30,11 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 9] = [
+const TEMPLATES: [(&str, &str); 10] = [
     ("page.html", include_str!("template/page.html")),
     ("overview.html", include_str!("template/overview.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
+    ("compare.html", include_str!("template/compare.html")),
     ("search.html", include_str!("template/search.html")),
     ("strategies.html", include_str!("template/strategies.html")),
     ("parts.html", include_str!("template/parts.html")),
@@ -71,6 +72,10 @@ pub fn render(run: &Run) -> Result<String> {
     let drive_times = run.drive_times.as_ref().map(drive_row);
     let evaluate_times: Vec<EvaluateRow> = run.evaluate_times.iter().map(evaluate_row).collect();
     let setup = &run.setup;
+    let pairs: Vec<_> = compare::pairs(&run.drives)
+        .into_iter()
+        .filter_map(|(base, other)| compare::comparison(base, other))
+        .collect();
     // A few drives fit into one picture, many into a table.
     let (failing, overview) = match run.drives.len() {
         0..=TOGETHER => (failing::picture(&run.drives.iter().collect::<Vec<_>>()), None),
@@ -89,6 +94,8 @@ pub fn render(run: &Run) -> Result<String> {
         drives,
         evaluations,
         comparisons,
+        pairs,
+        others => run.others,
         searches,
         setup,
         drive_times,
@@ -288,6 +295,7 @@ mod tests {
                 ..Default::default()
             }),
             evaluate_times: vec![EvaluateTimes { frames: 3, ..Default::default() }],
+            others: vec![Other { folder: nasty(), unfinished: Some(nasty()), setup: Setup::default() }],
         }
     }
 

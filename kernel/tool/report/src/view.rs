@@ -27,6 +27,19 @@ pub struct Run {
     pub drive_times: Option<DriveTimes>,
     /// How long each evaluation took.
     pub evaluate_times: Vec<EvaluateTimes>,
+    /// Further records that the page is about; drives, evaluations and searches are those of all.
+    pub others: Vec<Other>,
+}
+
+/// A further record.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Other {
+    /// Its folder.
+    pub folder: String,
+    /// How it shows that its run did not come to its end.
+    pub unfinished: Option<String>,
+    /// What was run.
+    pub setup: Setup,
 }
 
 /// What has to be equal for two runs to be equal.

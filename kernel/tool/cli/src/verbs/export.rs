@@ -1,8 +1,11 @@
-//! `pdk export`: the record of a run in the shape of other tools.
+//! `pdk export`: the record of a run for other tools.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
+use pdk_export::Kind;
 use pdk_notice::eprintln;
+use pdk_notice::println;
 use pdk_record::directory::RunDirectory;
 use pdk_report::published;
 use pdk_sdk::error::Result;
@@ -10,24 +13,71 @@ use serde_json::json;
 
 use super::{Global, print_json};
 
+/// Where files go if no folder is named, in the folder of the record.
+const FOLDER: &str = "export";
+
 /// Arguments of `pdk export`
 #[derive(clap::Args)]
 pub struct Arguments {
     /// The folder of the record
     #[arg(value_name = "RUN")]
     record: PathBuf,
-    /// Where to write the scenarios, in the JSON shape of the published tool; without it they go to standard output
-    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
+    /// What to write
+    #[arg(long, value_enum, default_value = "json", value_name = "FORMAT")]
+    to: Format,
+    /// Where to write it: a folder, made if it is not there [default: RUN/export]; of json a file [default: standard output]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR|FILE")]
     output: Option<PathBuf>,
 }
 
-/// Reads the scenarios of a run and writes them in the published shape.
+/// A format of `pdk export`
+#[derive(Clone, Copy, ValueEnum)]
+enum Format {
+    /// The scenarios in the JSON shape of the published tool
+    Json,
+    /// Flat CSV: a line for each scenario, one for each frame, one for each offline result, and the tables of the report
+    Csv,
+    /// The tables of the report as Markdown
+    Md,
+    /// The tables of the report for LaTeX, with the package booktabs
+    Tex,
+    /// The pictures of the report, with texts as texts
+    Svg,
+    /// JUnit XML: a test case for each scenario
+    Junit,
+}
+
+/// Reads a run and writes it in the format.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let (outcomes, cut_off) = published::outcomes(&RunDirectory::open(&arguments.record)?)?;
+    let kind = match arguments.to {
+        Format::Json => return published(global, &arguments.record, arguments.output.as_deref()),
+        Format::Csv => Kind::Csv,
+        Format::Md => Kind::Markdown,
+        Format::Tex => Kind::Latex,
+        Format::Svg => Kind::Svg,
+        Format::Junit => Kind::Junit,
+    };
+    let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(FOLDER));
+    let written = pdk_export::write(&arguments.record, kind, &folder)?;
+    for warning in &written.warnings {
+        eprintln!("pdk: warning: {warning}");
+    }
+    if global.json {
+        return print_json(&json!({ "files": written.files }));
+    }
+    for file in &written.files {
+        println!("{}", file.display());
+    }
+    Ok(())
+}
+
+/// The scenarios in the published shape.
+fn published(global: &Global, record: &Path, output: Option<&Path>) -> Result<()> {
+    let (outcomes, cut_off) = published::outcomes(&RunDirectory::open(record)?)?;
     if cut_off {
         eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
     }
-    match &arguments.output {
+    match output {
         None => print_json(&json!(outcomes)),
         Some(path) => {
             published::write(path, &outcomes)?;

@@ -23,13 +23,16 @@ use super::{Global, print_json};
 /// That of the frames in traces.
 const JPEG_QUALITY: u8 = 85;
 
+/// The page about several records, in the folder of the first.
+const COMPARISON: &str = "comparison.html";
+
 /// Arguments of `pdk report`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The folder of the record
-    #[arg(value_name = "RUN")]
-    record: PathBuf,
-    /// Where to write the page [default: RUN/report.html]
+    /// The folder of the record; several are compared on one page
+    #[arg(value_name = "RUN", required = true)]
+    record: Vec<PathBuf>,
+    /// Where to write the page [default: RUN/report.html, of several records comparison.html in the first]
     #[arg(short, long, alias = "output", value_name = "FILE.html")]
     out: Option<PathBuf>,
     /// Show beside the frames of failures what the driver's network looked at, by this saliency method [default: the one that `pdk list saliency` says is used]
@@ -43,8 +46,9 @@ pub struct Arguments {
 
 /// Writes the page and says where it is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let page = arguments.out.clone().unwrap_or_else(|| arguments.record.join(REPORT));
-    let Read { mut run, mut warnings } = record::read(&arguments.record, &page)?;
+    let named = |record: &PathBuf| record.join(if arguments.record.len() > 1 { COMPARISON } else { REPORT });
+    let page = arguments.out.clone().or_else(|| arguments.record.first().map(named)).unwrap_or_default();
+    let Read { mut run, mut warnings } = record::read_all(&arguments.record, &page)?;
     if let Some(method) = &arguments.saliency {
         let registry = global.registry()?;
         let method = view::named(registry.catalog(), method)?;

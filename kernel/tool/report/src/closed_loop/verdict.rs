@@ -3,7 +3,8 @@
 use pdk_statistics::CONFIDENCE;
 use pdk_statistics::share::share;
 
-use crate::closed_loop::failing::{FEWEST_ROADS, Failing, failing, highest};
+use crate::closed_loop::failing::{FEWEST_ROADS, Failing, TOGETHER, failing, highest};
+use crate::compare;
 use crate::conclusions::roads;
 use crate::tally::{Tally, by_severity};
 use crate::text::{self, count, number, percent};
@@ -17,16 +18,13 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     let mut sentences: Vec<String> = drives.iter().filter_map(failing_unperturbed).collect();
     let all = || drives.iter().flat_map(|drive| &drive.scenarios);
     let tally = Tally::of(all());
-    match drives {
-        [drive] => sentences.extend(broken_by(drive, "")),
-        [first, second] => {
-            let differ = first.driver != second.driver;
-            sentences.extend([first, second].iter().flat_map(|drive| {
-                let place = if differ { String::new() } else { format!(" in {}", drive.simulator) };
-                broken_by(drive, &place)
-            }));
-        }
-        _ => {}
+    if drives.len() <= TOGETHER {
+        let one_simulator = drives.iter().all(|drive| drive.simulator == drives[0].simulator);
+        sentences.extend(drives.iter().filter_map(|drive| {
+            let place = if one_simulator { String::new() } else { format!(" in {}", drive.simulator) };
+            broken_by(drive, &place)
+        }));
+        sentences.extend(compare::pairs(drives).into_iter().filter_map(|(a, b)| compare::sentence(a, b)));
     }
     if tally.failed == 0 {
         sentences.extend(largest_deviation(drives));

@@ -10,4 +10,4 @@ mod shell;
 mod times;
 mod traces;
 
-pub use read::{Read, read, scenarios};
+pub use read::{Read, read, read_all, scenarios};

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 use std::io::{Read as _, Seek, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_record::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
 use pdk_record::ledger::{self, Line};
@@ -15,7 +15,7 @@ use super::clips::clip_folder;
 use super::setup::{setup, title};
 use super::times::Performance;
 use super::{closed_loop, offline, search, traces};
-use crate::view::{Drive, Run};
+use crate::view::{Drive, Other, Run};
 
 /// Failures whose last frames are shown.
 const SHOWN_FAILURES: usize = 6;
@@ -66,8 +66,51 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         searches,
         drive_times: performance.as_ref().and_then(Performance::drive),
         evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),
+        others: Vec::new(),
     };
     Ok(Read { run, warnings })
+}
+
+/// Reads several records for one page that compares them.
+///
+/// # Errors
+/// As for [`read`]; also if there are none.
+pub fn read_all(folders: &[PathBuf], page: &Path) -> Result<Read> {
+    let mut all = folders.iter().map(|folder| read(folder, page)).collect::<Result<Vec<_>>>()?;
+    let names = |read: &Read| -> Vec<(String, String, String)> {
+        let name = |drive: &Drive| (drive.simulator.clone(), drive.driver.clone(), drive.mode.clone());
+        read.run.drives.iter().map(name).collect()
+    };
+    let known: Vec<_> = all.iter().map(names).collect();
+    for (place, read) in all.iter_mut().enumerate() {
+        let folder = read.run.folder.clone();
+        let elsewhere = |name: &(String, String, String)| {
+            known.iter().enumerate().any(|(other, names)| other != place && names.contains(name))
+        };
+        // The same driver in two records is told apart by the record.
+        for (drive, name) in read.run.drives.iter_mut().zip(&known[place]).filter(|(_, name)| elsewhere(name))
+        {
+            drive.driver = format!("{} of {folder}", name.1);
+        }
+    }
+    let mut all = all.into_iter();
+    let Some(mut first) = all.next() else { return Err(Error::new("name at least one record")) };
+    let mut titles = vec![first.run.title.clone()];
+    for Read { run, warnings } in all {
+        titles.push(run.title);
+        first.warnings.extend(warnings);
+        first.run.drives.extend(run.drives);
+        let count = first.run.evaluations.len() as u64;
+        first.run.evaluations.extend(
+            run.evaluations.into_iter().map(|one| crate::Evaluation { number: count + one.number, ..one }),
+        );
+        first.run.searches.extend(run.searches);
+        first.run.unfinished = first.run.unfinished.or_else(|| run.unfinished.clone());
+        first.run.others.push(Other { folder: run.folder, unfinished: run.unfinished, setup: run.setup });
+    }
+    titles.dedup();
+    first.run.title = titles.join(" and ");
+    Ok(first)
 }
 
 /// How many scenarios a page is about.
