@@ -59,7 +59,8 @@ fn a_record_is_flat_csv() {
     let telemetry = lines(&out.join("telemetry.csv"));
     let column = |name: &str| telemetry[0].iter().position(|column| column == name).unwrap();
     // A line for each frame, and the largest error of each scenario is the one of its outcome.
-    assert_eq!(telemetry.len() - 1, outcomes.iter().map(|o| o["frames"].as_u64().unwrap() as usize).sum());
+    let frames: usize = outcomes.iter().map(|outcome| outcome["frames"].as_u64().unwrap() as usize).sum();
+    assert_eq!(telemetry.len() - 1, frames);
     for outcome in &outcomes {
         let own = telemetry[1..].iter().filter(|line| outcome["id"] == line[column("id")].as_str());
         let errors = own.map(|line| line[column("cross_track_error")].parse::<f64>().unwrap().abs());
