@@ -8,15 +8,20 @@ use pdk_statistics::level::fails_at;
 use pdk_statistics::paired::{Paired, compare};
 use serde::Serialize;
 
-use crate::color::Hue;
+use crate::color::{Hue, LINES, Rgb};
 use crate::conclusions::{Difference, Trials, difference, roads, trials};
 use crate::heat::{Cell, Columns, Entry, Grid, MOST_COLUMNS, Ramp, key};
+use crate::road::{self, Picture};
 use crate::tally::{by_severity, levels};
 use crate::text::{count, percent, short};
 use crate::view::{Drive, Scenario, Verdict};
 
 /// Scenarios in the list of those that only one of them fails.
 const LISTED: usize = 20;
+/// Pictures of drives laid over each other.
+const OVERLAYS: usize = 6;
+/// The colours of the base and of the other.
+const COLORS: [Rgb; 2] = [LINES[0], LINES[1]];
 /// What a share can be.
 const SHARE: (f64, f64) = (0.0, 1.0);
 
@@ -40,6 +45,10 @@ pub struct Comparison {
     only_base: Vec<(String, String)>,
     /// How many more there are of each.
     more: (usize, usize),
+    /// Drives of both laid over each other, of scenarios that only one of them fails.
+    roads: Vec<Picture>,
+    /// The colours of both in these pictures.
+    colors: [Rgb; 2],
 }
 
 /// A perturbation that both drove.
@@ -67,21 +76,26 @@ pub fn pairs(drives: &[Drive]) -> Vec<(&Drive, &Drive)> {
 }
 
 /// What two drivers differ by; none if they have no perturbation on the same road.
-pub fn comparison(base: &Drive, other: &Drive) -> Option<Comparison> {
+pub fn comparison<'a>(base: &'a Drive, other: &'a Drive) -> Option<Comparison> {
     let shared = Shared::of(base, other);
     let rows = shared.rows();
     if rows.is_empty() {
         return None;
     }
     let (outcomes, only_other, only_base) = outcomes(base, other);
+    let overlay = |(a, b): &(&Scenario, &Scenario)| {
+        let centre = drive_road(base, a).or_else(|| drive_road(other, b))?;
+        road::overlay(centre, &[(*a, COLORS[0]), (*b, COLORS[1])], &a.name)
+    };
+    // As many of each kind, as far as there are.
+    let shown = only_other.iter().take(OVERLAYS / 2).chain(only_base.iter().take(OVERLAYS / 2));
+    let roads: Vec<Picture> = shown.filter_map(overlay).collect();
     let more = (only_other.len().saturating_sub(LISTED), only_base.len().saturating_sub(LISTED));
+    let only = |pairs: Vec<(&'a Scenario, &'a Scenario)>, second: bool| {
+        pairs.into_iter().map(|(a, b)| if second { b } else { a }).collect::<Vec<_>>()
+    };
     let listed = |all: Vec<&Scenario>| {
-        let told = |scenario: &&Scenario| {
-            (
-                format!("{} on road {}", scenario.name, scenario.road.map_or(0, |road| road + 1)),
-                scenario.replay.clone(),
-            )
-        };
+        let told = |scenario: &&Scenario| (scenario.name.clone(), scenario.replay.clone());
         all.iter().take(LISTED).map(told).collect()
     };
     Some(Comparison {
@@ -91,10 +105,17 @@ pub fn comparison(base: &Drive, other: &Drive) -> Option<Comparison> {
         grids: shared.grids(),
         rows,
         outcomes,
-        only_other: listed(only_other),
-        only_base: listed(only_base),
+        only_other: listed(only(only_other, true)),
+        only_base: listed(only(only_base, false)),
         more,
+        roads,
+        colors: COLORS,
     })
+}
+
+/// The centre line of the road of a scenario.
+fn drive_road<'a>(drive: &'a Drive, scenario: &Scenario) -> Option<&'a [[f64; 2]]> {
+    Some(drive.roads.get(scenario.road?)?.as_slice())
 }
 
 /// Whether the other driver is better or worse, as a sentence; none if nothing can be compared.
@@ -276,9 +297,12 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
+/// The same scenario as the base and as the other drove it.
+type Pairs<'a> = Vec<(&'a Scenario, &'a Scenario)>;
+
 /// Of the scenarios that both drove: how many there are, how many both fail, only the other, only the base, and none; then those that
 /// only one of them fails. Several under different luck are paired in their order.
-fn outcomes<'a>(base: &'a Drive, other: &'a Drive) -> ([usize; 5], Vec<&'a Scenario>, Vec<&'a Scenario>) {
+fn outcomes<'a>(base: &'a Drive, other: &'a Drive) -> ([usize; 5], Pairs<'a>, Pairs<'a>) {
     type Key<'a> = (&'a str, Option<&'a str>, Option<u64>);
     let of = |drive: &'a Drive| {
         let mut scenarios: BTreeMap<Key<'a>, Vec<&'a Scenario>> = BTreeMap::new();
@@ -298,11 +322,11 @@ fn outcomes<'a>(base: &'a Drive, other: &'a Drive) -> ([usize; 5], Vec<&'a Scena
                 (true, true) => counts[1] += 1,
                 (false, true) => {
                     counts[2] += 1;
-                    only_other.push(*other);
+                    only_other.push((*base, *other));
                 }
                 (true, false) => {
                     counts[3] += 1;
-                    only_base.push(*base);
+                    only_base.push((*base, *other));
                 }
                 (false, false) => counts[4] += 1,
             }
@@ -354,7 +378,24 @@ mod tests {
         assert_eq!(texts(&found.grids[2]), ["0", "0", "+100 %", "0", "0"]);
         assert_eq!(found.outcomes, [50, 20, 10, 0, 20]);
         assert_eq!((found.only_other.len(), found.only_other[0].1.as_str()), (10, "replay b"));
-        assert!(found.only_base.is_empty());
+        assert!(found.only_base.is_empty() && found.roads.is_empty(), "no simulator reported a road");
+    }
+
+    #[test]
+    fn drives_that_only_one_fails_are_laid_over_each_other() {
+        let (mut a, mut b) = (drive("a", &[("fog", 3.0)]), drive("b", &[("fog", 2.0)]));
+        for drive in [&mut a, &mut b] {
+            drive.roads = vec![vec![[0.0, 0.0], [0.0, 50.0]]];
+            for scenario in &mut drive.scenarios {
+                let place = |z: f64| crate::view::Place { x: 0.5, z, error: 0.5 };
+                (scenario.road, scenario.path) = (Some(0), vec![place(0.0), place(30.0)]);
+            }
+        }
+        let found = comparison(&a, &b).unwrap();
+        assert_eq!(found.roads.len(), OVERLAYS / 2);
+        let road = &found.roads[0];
+        assert!(COLORS.iter().all(|color| road.body.contains(&color.to_string())), "{}", road.body);
+        assert_eq!((road.caption.as_str(), road.body.matches("class=\"mark\"").count()), ("fog@2", 1));
     }
 
     #[test]

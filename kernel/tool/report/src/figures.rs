@@ -39,14 +39,9 @@ const NEVER: Rgb = Rgb(93, 101, 112);
 pub fn figures(run: &Run) -> Result<Vec<Figure>> {
     let mut figures = Vec::new();
     let mut add = |name: String, svg: String| figures.push(Figure { name, svg });
-    match run.drives.len() {
-        0..=failing::TOGETHER => {
-            let all: Vec<_> = run.drives.iter().collect();
-            failing::picture(&all)
-                .iter()
-                .for_each(|picture| add("failing-levels".to_owned(), tracks(picture)));
-        }
-        _ => {}
+    if run.drives.len() <= failing::TOGETHER {
+        let all: Vec<_> = run.drives.iter().collect();
+        failing::picture(&all).iter().for_each(|picture| add("failing-levels".to_owned(), tracks(picture)));
     }
     let classes = road::classes(&run.drives);
     for (place, drive) in run.drives.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use crate::color::ORDERED;
+use crate::color::{ORDERED, Rgb};
 use crate::view::{Drive, Scenario};
 
 /// A picture of a road, without its outermost tag.
@@ -161,6 +161,28 @@ fn picture(
         label: format!("Road {number} from above: {caption}."),
         number,
         caption,
+    })
+}
+
+/// A road from above with drives laid over each other, each in the colour of its driver, and a cross where it failed.
+pub fn overlay(road: &[[f64; 2]], drives: &[(&Scenario, Rgb)], label: &str) -> Option<Picture> {
+    let driven = drives.iter().flat_map(|(scenario, _)| scenario.path.iter().map(|place| [place.x, place.z]));
+    let frame = Frame::around(road.iter().copied().chain(driven))?;
+    let mut body =
+        format!("<path class=\"band\" d=\"{}\"/>\n", path(road.iter().map(|[x, z]| frame.place(*x, *z))));
+    for (scenario, color) in drives {
+        let line = path(scenario.path.iter().map(|place| frame.place(place.x, place.z)));
+        let _ = writeln!(body, "<path class=\"line\" d=\"{line}\" stroke=\"{color}\" stroke-width=\"5\"/>");
+    }
+    let failed: Vec<&Scenario> = drives.iter().map(|(scenario, _)| *scenario).collect();
+    body += &marks(&frame, &failed);
+    Some(Picture {
+        width: WIDTH as i32,
+        height: frame.height,
+        body,
+        label: format!("Road from above: {label}."),
+        number: 0,
+        caption: label.to_owned(),
     })
 }
 

@@ -87,7 +87,7 @@ pub fn read_all(folders: &[PathBuf], page: &Path) -> Result<Read> {
         let elsewhere = |name: &(String, String, String)| {
             known.iter().enumerate().any(|(other, names)| other != place && names.contains(name))
         };
-        // The same driver in two records is told apart by the record.
+        // The record tells the same driver in two records apart.
         for (drive, name) in read.run.drives.iter_mut().zip(&known[place]).filter(|(_, name)| elsewhere(name))
         {
             drive.driver = format!("{} of {folder}", name.1);
