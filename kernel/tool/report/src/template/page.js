@@ -24,13 +24,16 @@ for (const table of document.querySelectorAll("table.sortable")) {
 }
 // What a mark or a cell tells stands in a line below its picture, for pointers, fingers and keys alike. Tab goes to a picture, the arrow
 // keys from mark to mark within it.
+let hinted = false;
 for (const figure of document.querySelectorAll("figure.heat, figure.tracks, .roads figure")) {
   const line = figure.querySelector(".told");
   const marks = [...figure.querySelectorAll("[tabindex]:not(.scroll)")];
   const place = (mark) => mark.getBoundingClientRect();
-  if (line && marks.length) {
-    line.textContent = "Point at a mark, or go there with Tab and the arrow keys: it tells its drives here.";
+  // How to get there is said once; the line of the other pictures keeps its place free.
+  if (line && marks.length && !figure.closest(".roads")) {
+    line.textContent = hinted ? "\u00a0" : "Point at a mark, or go there with Tab and the arrow keys: it tells its drives here.";
     line.classList.add("hint");
+    hinted = true;
   }
   marks.forEach((mark, number) => {
     mark.setAttribute("tabindex", number === 0 ? "0" : "-1");
