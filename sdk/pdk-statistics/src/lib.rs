@@ -13,6 +13,7 @@
 //! | [`blocks`] | a mean over frames of a recording, which resemble their neighbours |
 //! | [`exceeded`] | the level from which on a quantity exceeds a tolerance |
 //! | [`paired`] | differences between two conditions on the same roads |
+//! | [`anytime`] | a mean of which one may look at the bounds as often as one likes |
 //! | [`independent`] | differences between two samples that have nothing to do with each other |
 //! | [`all_pairs`] | differences between all pairs of several conditions, with one error rate for all of them |
 //! | [`groups`] | ranks that cannot be told apart |
@@ -40,9 +41,13 @@
 //! The p of two conditions that do not differ is at most 5 % in at most 4 % of studies in which values are shares of levels. If no two
 //! differences have the same size it is 6 % with five and six roads, 5 % with eight and more.
 //!
+//! `tests/anytime.rs` looks at paired verdicts after every road: two drivers that are alike are called different in at most 5 % of studies,
+//! whatever their failure rate and however much their verdicts depend on each other.
+//!
 //! `tests/ranking.rs` checks groups: of 49 perturbations that are all alike, 94 to 100 % of studies make one group, with 8 and with 20 roads.
 
 pub mod all_pairs;
+pub mod anytime;
 pub mod blocks;
 mod bootstrap;
 pub mod drives;
