@@ -16,6 +16,36 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "gate",
+        &[
+            ("pdk gate dave2 dave2_augmented --suite smoke", "whether one network is worse than another one"),
+            (
+                "pdk gate runs/standard-1 pilot.onnx --suite standard --markdown verdict.md --junit verdict.xml",
+                "a network of your own against the driver that passed the last gate, for continuous integration",
+            ),
+        ],
+    ),
+    (
+        "verify",
+        &[
+            ("pdk verify runs/smoke-1", "whether the verdict of a gate holds, by repeating 59 of its drives"),
+            (
+                "pdk verify verdict.json --probes 200 --draw nobody-knew-this",
+                "more drives, which nobody could foresee",
+            ),
+        ],
+    ),
+    (
+        "suite",
+        &[
+            ("pdk suite smoke", "what a suite drives and requires"),
+            (
+                "pdk suite runs/smoke-1 -o never_again.toml",
+                "a suite of the scenarios in which drivers failed",
+            ),
+        ],
+    ),
+    (
         "perturb",
         &[
             ("pdk perturb road.png --with fog_filter@3 -o fog.png", "fog of intensity 3 on an image"),

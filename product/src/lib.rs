@@ -9,6 +9,7 @@ pub static PRODUCT: Product = Product {
     plugins: PLUGINS,
     perturbations: PERTURBATIONS,
     pipelines: PIPELINES,
+    suites: SUITES,
     modules: MODULES,
     first_pipeline: include_str!("../templates/pipeline.lua"),
     examples: examples::EXAMPLES,
@@ -62,6 +63,13 @@ const PIPELINES: &[BuiltInScript] = scripts! {
     "collect": "training/collect.lua",
 };
 
+/// The suites, which `pdk gate` knows by name.
+const SUITES: &[BuiltInScript] = scripts! {
+    "smoke": "suites/smoke.toml",
+    "standard": "suites/standard.toml",
+    "full": "suites/full.toml",
+};
+
 /// The modules that pipelines require as `@pdk/NAME`.
 const MODULES: &[BuiltInScript] = scripts! {
     "hill_climber": "library/hill_climber.lua",
@@ -100,15 +108,17 @@ mod tests {
         let scripts = repository().join("scripts");
         let files = |folder: &str| -> BTreeSet<String> {
             let files = std::fs::read_dir(scripts.join(folder)).unwrap().map(|entry| entry.unwrap().path());
-            let scripts = files.filter(|file| file.extension().is_some_and(|ending| ending == "lua"));
+            let ending = if folder == "suites" { "toml" } else { "lua" };
+            let scripts = files.filter(|file| file.extension().is_some_and(|own| own == ending));
             scripts.map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned()).collect()
         };
         let names = |list: &[BuiltInScript]| list.iter().map(|script| script.name.to_owned()).collect();
         let pipelines: BTreeSet<String> = files("").union(&files("training")).cloned().collect();
         assert_eq!(pipelines, names(PIPELINES));
+        assert_eq!(files("suites"), names(SUITES));
         assert_eq!(files("library"), names(MODULES));
         assert_eq!(files("perturbations"), names(PERTURBATIONS));
-        for script in PIPELINES.iter().chain(MODULES).chain(PERTURBATIONS) {
+        for script in PIPELINES.iter().chain(SUITES).chain(MODULES).chain(PERTURBATIONS) {
             assert_eq!(Path::new(script.file).file_stem().unwrap(), script.name);
             assert_eq!(std::fs::read_to_string(repository().join(script.file)).unwrap(), script.source);
         }

@@ -118,6 +118,7 @@ mod tests {
         plugins: &["one", "two"],
         perturbations: &[],
         pipelines: &[],
+        suites: &[],
         modules: &[],
         first_pipeline: "",
         examples: &[],

@@ -14,6 +14,8 @@ pub struct Product {
     pub perturbations: &'static [BuiltInScript],
     /// The pipelines that can be run by their name.
     pub pipelines: &'static [BuiltInScript],
+    /// The suites that a gate knows by their name.
+    pub suites: &'static [BuiltInScript],
     /// The modules that pipelines can require.
     pub modules: &'static [BuiltInScript],
     /// The pipeline that a user begins with.
@@ -50,6 +52,7 @@ static NOTHING: Product = Product {
     plugins: &[],
     perturbations: &[],
     pipelines: &[],
+    suites: &[],
     modules: &[],
     first_pipeline: "",
     examples: &[],

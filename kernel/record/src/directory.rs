@@ -38,6 +38,8 @@ pub const PERFORMANCE: &str = "performance.json";
 pub const SHARD: &str = "shard.json";
 /// The name of the page about the run.
 pub const REPORT: &str = "report.html";
+/// What a gate decided, and what it decided by.
+pub const VERDICT: &str = "verdict.json";
 /// The folder of the clips that the page shows.
 pub const CLIPS: &str = "clips";
 
@@ -49,7 +51,8 @@ const TRACES: &str = "traces";
 /// Whether a name is that of one of the record's own files, which nothing else may be written to. File systems may not tell small
 /// letters from capitals.
 pub fn is_own(name: &str) -> bool {
-    let own = [MANIFEST, SCENARIOS, RESULTS, SUMMARY, PERFORMANCE, SHARD, REPORT, CLIPS, LOCK, TRACES];
+    let own =
+        [MANIFEST, SCENARIOS, RESULTS, SUMMARY, PERFORMANCE, SHARD, REPORT, VERDICT, CLIPS, LOCK, TRACES];
     own.iter().any(|own| own.eq_ignore_ascii_case(name))
 }
 

@@ -5,6 +5,7 @@
 mod closed_loop;
 mod decide;
 mod examples;
+mod gate;
 mod pipelines;
 mod pool;
 mod search;

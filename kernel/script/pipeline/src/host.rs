@@ -7,6 +7,7 @@ mod evaluating;
 mod evaluations;
 mod finishing;
 mod frames;
+mod inside;
 mod record;
 mod scenarios;
 mod searches;

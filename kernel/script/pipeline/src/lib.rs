@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`mod@run`] | runs a pipeline to its end |
 //! | [`remote`] | a pipeline that is another program |
+//! | [`program`] | a pipeline that is a tool of pdk |
 //! | [`finished`], `outcomes` | what a run came to, and each of its scenarios |
 //! | [`follow`] | to whom progress is reported |
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
@@ -36,6 +37,7 @@ mod levels;
 mod naming;
 mod outcomes;
 pub mod overrides;
+pub mod program;
 #[cfg(test)]
 mod python;
 pub mod readers;

@@ -74,6 +74,11 @@ impl Script {
         Ok(Self { path: file.to_owned(), source, folder: Some(folder.to_owned()) })
     }
 
+    /// A text of a tool, such as a suite of scenarios, in a folder.
+    pub(crate) fn of_tool(path: PathBuf, source: String, folder: Option<PathBuf>) -> Self {
+        Self { path, source, folder }
+    }
+
     /// A program whose text is not known, such as what is typed at a prompt.
     pub(crate) fn without_text(name: &str) -> Self {
         Self { path: name.into(), source: String::new(), folder: None }

@@ -87,6 +87,16 @@ impl Replay {
         self.scenarios.len()
     }
 
+    /// The lines of the scenarios, with their files where they are as seen from here.
+    pub fn lines(&self) -> impl Iterator<Item = &Line> {
+        self.scenarios.iter().map(|recorded| &recorded.line)
+    }
+
+    /// The manifest.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
     /// Whether the last line of the ledger is cut off, so that its scenario is left out.
     pub fn cut_off(&self) -> bool {
         self.cut_off

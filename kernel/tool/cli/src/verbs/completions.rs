@@ -47,7 +47,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// The command line with what a shell offers for the arguments of its verbs.
 pub fn offered(command: Command) -> Command {
-    let offers: [(&str, &str, ArgValueCompleter); 15] = [
+    let offers: [(&str, &str, ArgValueCompleter); 20] = [
         ("run", "pipeline", ArgValueCompleter::new(pipelines)),
         ("session", "pipeline", ArgValueCompleter::new(pipelines)),
         ("perturb", "perturbations", ArgValueCompleter::new(perturbations)),
@@ -63,6 +63,11 @@ pub fn offered(command: Command) -> Command {
         ("export", "record", ArgValueCompleter::new(records)),
         ("merge", "parts", ArgValueCompleter::new(records)),
         ("saliency", "frames", ArgValueCompleter::new(records)),
+        ("gate", "old", ArgValueCompleter::new(drivers)),
+        ("gate", "new", ArgValueCompleter::new(drivers)),
+        ("gate", "suite", ArgValueCompleter::new(suites)),
+        ("verify", "suite", ArgValueCompleter::new(suites)),
+        ("suite", "from", ArgValueCompleter::new(suites)),
     ];
     offers.into_iter().fold(command, |command, (verb, argument, offer)| {
         command.mut_subcommand(verb, |verb| verb.mut_arg(argument, |argument| argument.add(offer)))
@@ -114,6 +119,23 @@ fn pipelines(typed: &OsStr) -> Vec<CompletionCandidate> {
     let mut offered: Vec<_> = own.map(|name| candidate(name, "comes with pdk")).collect();
     let is_script = |path: &Path| path.extension().is_some_and(|ending| ending == "lua");
     offered.extend(PathCompleter::any().filter(is_script).complete(typed));
+    offered
+}
+
+/// The suites that come with pdk, records and files in TOML.
+fn suites(typed: &OsStr) -> Vec<CompletionCandidate> {
+    let own = product::get().suites.iter().map(|suite| suite.name);
+    let own = own.filter(|name| typed.to_str().is_some_and(|typed| name.starts_with(typed)));
+    let mut offered: Vec<_> = own.map(|name| candidate(name, "comes with pdk")).collect();
+    let is_suite = |path: &Path| path.extension().is_some_and(|ending| ending == "toml");
+    offered.extend(PathCompleter::any().filter(is_suite).complete(typed));
+    offered
+}
+
+/// Drivers by name, records and files.
+fn drivers(typed: &OsStr) -> Vec<CompletionCandidate> {
+    let mut offered = named(typed, Some(Kind::Driver));
+    offered.extend(records(typed));
     offered
 }
 

@@ -28,6 +28,7 @@ mod corrupt;
 mod doctor;
 mod examples;
 mod export;
+mod gate;
 mod list;
 mod merge;
 mod network;
@@ -46,6 +47,8 @@ mod session;
 mod settings;
 mod show;
 mod shrink;
+mod suite;
+mod verify;
 mod version;
 mod worker;
 
@@ -56,6 +59,7 @@ mod worker;
     version,
     propagate_version = true,
     after_help = "Exit codes: 0 done, 1 failed with a sentence on standard error, 2 wrong usage, \
+                  3 a gate or a verification said no, \
                   70 ended by a component, 75 ended because a component did not come back, \
                   130 interrupted with Ctrl-C, 143 terminated."
 )]
@@ -110,6 +114,9 @@ impl Global {
     }
 }
 
+/// The exit code of a gate that a driver does not pass, and of a verdict that is refuted.
+const NO: u8 = 3;
+
 #[derive(Subcommand)]
 enum Verb {
     /// Run a pipeline
@@ -146,6 +153,12 @@ enum Verb {
     Shrink(shrink::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
+    /// Decide whether a new driver is worse than an old one, with an error rate that holds whenever the gate stops
+    Gate(gate::Arguments),
+    /// Check the verdict of a gate by driving some of its scenarios again
+    Verify(verify::Arguments),
+    /// Show a suite of scenarios, or make one of what failed in a record
+    Suite(suite::Arguments),
     /// Put the records of the parts of a run together
     Merge(merge::Arguments),
     /// Run a pipeline for another program, or take its calls: JSON lines on standard input and output (see docs/session-protocol.md)
@@ -184,6 +197,7 @@ impl Verb {
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
             Verb::Session(_) | Verb::Merge(_) => false,
+            Verb::Gate(_) | Verb::Verify(_) | Verb::Suite(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
             Verb::Road(_) | Verb::Export(_) => false,
             Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
@@ -204,6 +218,8 @@ pub fn main() -> ExitCode {
         return supervised::run().unwrap_or_else(|error| failed(&error));
     }
     let Cli { global, verb } = &cli;
+    // What a verb found out may be a no, which is not an error.
+    let mut said_no = false;
     let result = match verb {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
@@ -223,6 +239,9 @@ pub fn main() -> ExitCode {
         Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Merge(arguments) => merge::run(global, arguments),
+        Verb::Gate(arguments) => gate::run(global, arguments).map(|passed| said_no = !passed),
+        Verb::Verify(arguments) => verify::run(global, arguments).map(|holds| said_no = !holds),
+        Verb::Suite(arguments) => suite::run(global, arguments),
         Verb::Session(arguments) => session::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Inspect { libraries } => inspection::serve(libraries),
@@ -231,6 +250,7 @@ pub fn main() -> ExitCode {
         Verb::Man { folder } => manual(folder),
     };
     let code = match result.and_then(|()| pdk_notice::finish()) {
+        Ok(()) if said_no => ExitCode::from(NO),
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => failed(&error),
     };

@@ -53,20 +53,75 @@ impl clap::Args for Settings {
 impl clap::FromArgMatches for Settings {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         let overrides = matches.get_many::<Override>(SET).into_iter().flatten().cloned().collect();
-        let given = |setting: &'static Setting| {
-            let value = match setting.value_name {
-                Some(_) => matches.get_one::<OsString>(setting.name).cloned(),
-                None => matches.get_flag(setting.name).then(|| OsString::from("true")),
-            };
-            value.map(|value| (setting, value))
-        };
-        Ok(Self { overrides, flags: RUN_SETTINGS.iter().filter_map(given).collect() })
+        Ok(Self { overrides, flags: given(matches, RUN_SETTINGS.iter()) })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
         *self = Self::from_arg_matches(matches)?;
         Ok(())
     }
+}
+
+/// What is set for a tool that drives scenarios of its own choice: the settings of every run but for those that decide what is driven.
+pub struct ToolSettings {
+    flags: Vec<(&'static Setting, OsString)>,
+}
+
+/// The settings of every run that a tool decides itself.
+const OWN: [&str; 2] = ["seed", "shard"];
+
+impl ToolSettings {
+    /// How a tool is run with these settings.
+    ///
+    /// # Errors
+    /// If a setting cannot have its value.
+    pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
+        let mut common = RunSettings::default();
+        for (setting, value) in &self.flags {
+            common.set(setting, value)?;
+        }
+        Ok(Options { common, overrides: Vec::new(), search: global.search_path(), audience })
+    }
+
+    fn all() -> impl Iterator<Item = &'static Setting> {
+        RUN_SETTINGS.iter().filter(|setting| !OWN.contains(&setting.name))
+    }
+}
+
+impl clap::Args for ToolSettings {
+    fn augment_args(command: Command) -> Command {
+        command.args(Self::all().map(flag))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for ToolSettings {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        Ok(Self { flags: given(matches, Self::all()) })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The settings that the command line sets by their flags.
+fn given(
+    matches: &ArgMatches,
+    settings: impl Iterator<Item = &'static Setting>,
+) -> Vec<(&'static Setting, OsString)> {
+    let given = |setting: &'static Setting| {
+        let value = match setting.value_name {
+            Some(_) => matches.get_one::<OsString>(setting.name).cloned(),
+            None => matches.get_flag(setting.name).then(|| OsString::from("true")),
+        };
+        value.map(|value| (setting, value))
+    };
+    settings.filter_map(given).collect()
 }
 
 /// The flag of a setting of every run.

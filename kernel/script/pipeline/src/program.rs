@@ -1,0 +1,118 @@
+//! A pipeline that is a tool of pdk: it submits scenarios and decides by their outcomes, on the same host as pipelines in Lua, so that
+//! its record is like any other and can be continued.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pdk_components::catalog::Catalog;
+use pdk_model::scenario::Scenario;
+use pdk_record::ledger::Line;
+use pdk_record::manifest::ComponentRecord;
+use pdk_sdk::error::Result;
+use pdk_session::session::{Session, Submission, Ticket};
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::finished::Finished;
+use crate::host::Host;
+use crate::run::{Options, Script, start};
+
+/// The text that a tool runs, for the record.
+#[derive(Debug, Clone)]
+pub struct Text {
+    /// Its file, or its name if it is part of pdk. The folder of the record is named after it.
+    pub path: PathBuf,
+    /// The text itself.
+    pub source: String,
+    /// The folder in which it lies; none if it is part of pdk.
+    pub folder: Option<PathBuf>,
+}
+
+/// What a run has used.
+#[derive(Debug, Clone)]
+pub struct Used {
+    /// The components, with their files.
+    pub components: Vec<ComponentRecord>,
+    /// What scenarios left to the machine, such as the engine of networks, and what it was.
+    pub settled: Vec<(String, String)>,
+}
+
+/// A tool while it runs.
+pub struct Program {
+    host: Host,
+}
+
+impl Program {
+    /// Starts a session for a tool; `what` is what errors call the tool.
+    ///
+    /// # Errors
+    /// If no worker can be started, or only a part of the run is wanted.
+    pub fn start(what: &str, text: Text, options: Options) -> Result<Self> {
+        let Text { path, source, folder } = text;
+        let host = start(Script::of_tool(path, source, folder), Box::new(Vec::new), options)?;
+        host.refuse_shard(what)?;
+        Ok(Self { host })
+    }
+
+    /// The components there are.
+    pub fn catalog(&mut self) -> &Catalog {
+        self.host.session().catalog()
+    }
+
+    /// The session, for what is asked besides the scenarios of the run.
+    pub fn session(&mut self) -> &mut Session {
+        self.host.session()
+    }
+
+    /// Notes the settings of the run, before the first scenario.
+    ///
+    /// # Errors
+    /// If they were noted before.
+    pub fn settings(&mut self, settings: Value) -> Result<()> {
+        self.host.settings(settings).map(drop)
+    }
+
+    /// Puts into a scenario what it leaves to the machine, so that it has its id.
+    pub fn settle(&mut self, scenario: &mut Scenario) {
+        self.host.settle(scenario);
+    }
+
+    /// Submits scenarios.
+    ///
+    /// # Errors
+    /// If a component cannot be made, or the record cannot be written or is that of another run.
+    pub fn submit(&mut self, submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
+        self.host.submit(submissions)
+    }
+
+    /// Waits for what came of a scenario.
+    ///
+    /// # Errors
+    /// If the session cannot go on.
+    pub fn wait(&mut self, ticket: Ticket) -> Result<Arc<Line>> {
+        self.host.line(ticket)
+    }
+
+    /// What the run has used so far.
+    pub fn used(&self) -> Used {
+        self.host.used()
+    }
+
+    /// The folder of the record, once something was submitted.
+    pub fn record(&self) -> Option<&Path> {
+        self.host.folder()
+    }
+
+    /// Writes a file into the record.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save(&self, name: &str, value: &impl Serialize) -> Result<()> {
+        self.host.write(name, value)
+    }
+
+    /// Completes the record; `ended` is what the tool came to.
+    pub fn finish(self, ended: Result<()>) -> Finished {
+        self.host.finish(ended)
+    }
+}

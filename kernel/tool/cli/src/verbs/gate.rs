@@ -1,0 +1,144 @@
+//! `pdk gate`: whether a new driver is worse than an old one.
+
+use std::path::{Path, PathBuf};
+
+use pdk_components::product;
+use pdk_gate::gate::{self, Judged, NewFailure};
+use pdk_gate::suite::Loaded;
+use pdk_gate::{again, shown};
+use pdk_model::scenario::ScenarioId;
+use pdk_notice::eprintln;
+use pdk_notice::println;
+use pdk_pipeline::follow::Audience;
+use pdk_replay::replay::{Film, Replay};
+use pdk_sdk::error::{Place, Result};
+use pdk_sdk::file;
+use pdk_session::connection::Pool;
+use pdk_supervise::supervisor::Limits;
+
+use super::recorded::{self, Driving};
+use super::settings::ToolSettings;
+use super::{Global, print_json};
+
+/// Arguments of `pdk gate`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The driver that there was: a network's file, a driver's name with its parameters, or the record of its drives
+    #[arg(value_name = "OLD")]
+    old: String,
+    /// The driver that is to take its place, named in the same ways
+    #[arg(value_name = "NEW")]
+    new: String,
+    #[arg(long, value_name = "SUITE", help = suite_help())]
+    suite: String,
+    /// Write the verdict to this file as well, which `pdk verify` checks
+    #[arg(long, value_name = "FILE.json")]
+    verdict: Option<PathBuf>,
+    /// Write the result as Markdown, for a pull request
+    #[arg(long, value_name = "FILE.md")]
+    markdown: Option<PathBuf>,
+    /// Write the result as JUnit XML, a test case for each requirement
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
+    /// Write a clip of each new failure to this folder
+    #[arg(long, value_name = "DIR")]
+    clips: Option<PathBuf>,
+    /// Write the new failures as a suite, for the gates to come
+    #[arg(long, value_name = "FILE.toml")]
+    save_suite: Option<PathBuf>,
+    #[command(flatten)]
+    settings: ToolSettings,
+}
+
+/// What a suite on the command line may be.
+pub fn suite_help() -> String {
+    let names: Vec<_> = product::get().suites.iter().map(|suite| suite.name).collect();
+    format!("The suite: a file in TOML, or one that comes with pdk by its name: {}", names.join(", "))
+}
+
+/// Decides; returns whether the new driver passed.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
+    let audience = if global.json { Audience::None } else { Audience::Person };
+    let loaded = Loaded::find(&arguments.suite)?;
+    let options = arguments.settings.options(global, audience)?;
+    let (pool, limits) = (options.common.pool(), options.common.limits());
+    let judged = gate::run(&loaded, [&arguments.old, &arguments.new], options)?;
+    for warning in &judged.warnings {
+        eprintln!("pdk: warning: {warning}");
+    }
+    if !global.json {
+        print(&judged);
+    }
+    let write = |path: &Option<PathBuf>, text: &dyn Fn() -> Result<String>| match path {
+        Some(path) => {
+            file::write(path, text()?.as_bytes()).place(format_args!("cannot write {}", path.display()))
+        }
+        None => Ok(()),
+    };
+    write(&arguments.verdict, &|| Ok(serde_json::to_string_pretty(&judged.verdict)? + "\n"))?;
+    write(&arguments.markdown, &|| Ok(shown::markdown(&judged)))?;
+    write(&arguments.junit, &|| shown::junit(&judged))?;
+    if let (Some(path), false) = (&arguments.save_suite, judged.failures.is_empty()) {
+        let scenarios = judged.failures.iter().map(|failure| &failure.scenario);
+        let about = format!("What {} failed and {} did not", arguments.new, arguments.old);
+        let text = again::of_scenarios(scenarios, &super::suite::name_of(path)?, &about)?;
+        write(&Some(path.clone()), &|| Ok(text.clone()))?;
+    }
+    let clips = match &arguments.clips {
+        Some(folder) => film(global, &judged.failures, folder, &pool, &limits)?,
+        None => Vec::new(),
+    };
+    if global.json {
+        print_json(&shown::json(&judged, &clips)?)?;
+    }
+    Ok(judged.verdict.decision.passed)
+}
+
+fn print(judged: &Judged) {
+    println!("{}", shown::requirements(judged));
+    if let Some(sentence) = shown::explanation(judged) {
+        println!("{sentence}");
+    }
+    if !judged.failures.is_empty() {
+        println!("New failures:");
+    }
+    for line in shown::failures(judged) {
+        println!("{line}");
+    }
+    if judged.known > 0 {
+        println!("{} of {} drives were in a record already", judged.known, judged.drives.0);
+    }
+    for line in &judged.speed {
+        println!("{line}");
+    }
+    if let Some(record) = &judged.record {
+        println!("Record: {}", record.display());
+    }
+    println!("{}", shown::headline(judged));
+}
+
+/// Films new failures, a clip each; returns which is where.
+fn film(
+    global: &Global,
+    failures: &[NewFailure],
+    folder: &Path,
+    pool: &Pool,
+    limits: &Limits,
+) -> Result<Vec<(ScenarioId, PathBuf)>> {
+    std::fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
+    let mut clips = Vec::new();
+    for NewFailure { id, record, .. } in failures {
+        let path = folder.join(format!("{id}.mp4"));
+        let replay = Replay::open(record, &[id.to_string()])?;
+        let (pool, limits) = (pool.clone(), *limits);
+        let session =
+            recorded::session(global, &replay, Driving { verb: "gate", record, pool, limits, trust: false })?;
+        let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames of a clip, {eta} left");
+        replay.drive(session, Some(&Film { path: path.clone(), saliency: None }), &progress)?;
+        if !global.json {
+            println!("Clip: {}", path.display());
+        }
+        clips.push((*id, path));
+    }
+    Ok(clips)
+}

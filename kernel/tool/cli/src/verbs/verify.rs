@@ -1,0 +1,115 @@
+//! `pdk verify`: checks the verdict of a gate.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use pdk_gate::suite::Loaded;
+use pdk_gate::verdict::Verdict;
+use pdk_gate::verify::{self, Verified, Wanted};
+use pdk_notice::eprintln;
+use pdk_notice::println;
+use pdk_record::directory::VERDICT;
+use pdk_sdk::error::{Error, Result};
+use pdk_session::connection::Pool;
+use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use serde_json::json;
+
+use super::gate::suite_help;
+use super::{Global, print_json};
+
+/// Arguments of `pdk verify`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The verdict: the file that a gate wrote, or the folder of its record
+    #[arg(value_name = "VERDICT")]
+    verdict: PathBuf,
+    /// How many drives are repeated: of 59, one shows with 95 % that 5 % of the verdict are false
+    #[arg(long, value_name = "N", default_value_t = 59)]
+    probes: usize,
+    /// A text of your own that goes into the draw, so that nobody could choose which drives are repeated
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    draw: String,
+    #[arg(long, value_name = "SUITE", help = suite_help() + " [default: what the verdict names]")]
+    suite: Option<String>,
+    /// A file, such as a network, that takes the place of the one that the verdict names and has its content; may be given several times
+    #[arg(long = "file", value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// How many scenarios are driven at the same time [default: one for each processor]
+    #[arg(long, value_name = "N", conflicts_with = "pool")]
+    workers: Option<NonZeroUsize>,
+    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
+    #[arg(long, value_name = "COMMAND")]
+    pool: Option<String>,
+    /// How long one call of a component may take, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
+    patience: f64,
+    /// Start the programs that the verdict names. Without it they are listed, and nothing is run
+    #[arg(long)]
+    trust: bool,
+}
+
+/// Verifies; returns whether the verdict holds.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
+    let Arguments { verdict, probes, draw, suite, files, trust, .. } = arguments;
+    let path = if verdict.is_dir() { verdict.join(VERDICT) } else { verdict.clone() };
+    let verdict = Verdict::read(&path)?;
+    let named = suite.as_ref().unwrap_or(&verdict.suite.named);
+    let loaded = Loaded::find(named).map_err(|error| {
+        let was = &verdict.suite;
+        Error::of(
+            error.kind(),
+            format!(
+                "{error}; the verdict is of the suite `{}` version {} (BLAKE3 {})",
+                was.name, was.version, was.blake3
+            ),
+        )
+    })?;
+    verify::check_suite(&verdict, &loaded)?;
+    let patience = Duration::try_from_secs_f64(arguments.patience).ok().filter(|limit| !limit.is_zero());
+    let patience = patience.ok_or_else(|| {
+        Error::new(format!("--patience: {} is not a positive number of seconds", arguments.patience))
+    })?;
+    let pool = match &arguments.pool {
+        Some(command) => Pool::Command(command.clone()),
+        None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
+    };
+    let session =
+        global.session("verify", pool, Limits { patience, memory: DEFAULT_MEMORY }, global.search_path())?;
+    let wanted = Wanted { probes: *probes, draw: draw.clone(), files: files.clone(), trust: *trust };
+    let progress = pdk_terminal::progress(global.json, "{pos}/{len} drives, {eta} left");
+    let verified = verify::verify(&verdict, &loaded, session, &wanted, &progress)?;
+    for change in &verified.changes {
+        eprintln!("pdk: warning: since the verdict was made, {change}, so drives may come out otherwise");
+    }
+    let holds = verified.refuted.is_empty();
+    match global.json {
+        true => {
+            print_json(&json!({ "holds": holds, "passed": verdict.decision.passed, "verified": verified }))?
+        }
+        false => print(&verdict, &verified),
+    }
+    Ok(holds)
+}
+
+fn print(verdict: &Verdict, verified: &Verified) {
+    let Verified { entries, probes, refuted, chances, .. } = verified;
+    for sentence in refuted {
+        println!("{sentence}");
+    }
+    if !refuted.is_empty() {
+        println!("refuted: the verdict does not hold ({} of its statements are wrong)", refuted.len());
+        return;
+    }
+    println!("Its root, its scenarios and its decision agree with each other and with the suite.");
+    println!("{} of {entries} drives were repeated and came out the same, bit for bit.", probes.len());
+    for (share, probability) in chances {
+        println!(
+            "If {:.0} % of its drives were false, this would have shown with a probability of {:.1} %.",
+            100.0 * share,
+            100.0 * probability
+        );
+    }
+    let word = if verdict.decision.passed { "passed" } else { "failed" };
+    println!("holds: {} {word} against {}", verdict.new.named, verdict.old.named);
+}

@@ -1,0 +1,35 @@
+//! Whether a new driver is worse than an old one.
+//!
+//! A suite says which scenarios are drawn and what is required. Both drivers drive each scenario under the same luck, and the verdicts are
+//! looked at in the order of the suite until the decision is clear. The statistics allow one to look after every scenario
+//! (`pdk_statistics::anytime`). The verdict is a file that anyone can check by driving a few scenarios again.
+//!
+//! ```text
+//! suite ── hash, number ──► steps ──► gate: both drivers ──► judge ──► verdict
+//!                             └───────► verify: some again ◄───────────┘
+//! ```
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`suite`] | the file of a suite; [`requirement`] what it requires |
+//! | [`step`] | its scenarios, in order |
+//! | [`judge`] | the decision, from what came of scenarios |
+//! | [`side`] | a driver that takes part |
+//! | [`gate`] | drives until the decision is clear |
+//! | [`verdict`] | the file with the verdict; `merkle` is the hash over it |
+//! | [`verify`] | checks such a file; [`probes`] says which entries are driven again, and what that proves |
+//! | [`shown`] | a verdict as a table, as Markdown and as JUnit XML |
+//! | [`again`] | suites of what failed before |
+
+pub mod again;
+pub mod gate;
+pub mod judge;
+mod merkle;
+pub mod probes;
+pub mod requirement;
+pub mod shown;
+pub mod side;
+pub mod step;
+pub mod suite;
+pub mod verdict;
+pub mod verify;

@@ -1,0 +1,211 @@
+//! What a suite requires of the new driver.
+
+use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::suite::Suite;
+
+/// A requirement with a name of its own, or one that follows from it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Requirement {
+    /// What tables call it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// What is required.
+    #[serde(flatten)]
+    pub kind: Kind,
+}
+
+/// What is required.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Kind {
+    /// The new driver does not fail more often than the old one by more than what is tolerated: a test.
+    NotWorse {
+        /// Over all scenarios, or in each group of them.
+        #[serde(default)]
+        by: By,
+        /// By how much its failure rate may be higher; what the suite says if it is left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        tolerated: Option<f64>,
+    },
+    /// The new driver fails in no scenario that the old one passes.
+    NoNewFailure {
+        /// In this many of the drawn scenarios, from the first; all if it is left out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pairs: Option<usize>,
+    },
+    /// The new driver passes the fixed scenarios.
+    Passes {
+        /// Up to this many it may fail.
+        #[serde(default)]
+        allowed: usize,
+    },
+    /// A measure of the new driver is below or above a limit on enough roads, which are drawn for this.
+    Measure {
+        /// The measure: a field of outcomes, or of their `measures`.
+        measure: String,
+        /// The perturbation with its level; none for a clear view.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        at: Option<String>,
+        /// It has to be less than this.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        below: Option<f64>,
+        /// It has to be more than this.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        above: Option<f64>,
+        /// On how many roads, of how many.
+        on: [usize; 2],
+    },
+}
+
+/// Which scenarios are tested together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum By {
+    /// All of them.
+    #[default]
+    Overall,
+    /// Those of each perturbation.
+    Perturbation,
+    /// Those of each level.
+    Level,
+}
+
+impl Requirement {
+    /// One without a name.
+    pub fn of(kind: Kind) -> Self {
+        Self { name: String::new(), kind }
+    }
+
+    /// What tables call it.
+    pub fn title(&self) -> String {
+        if !self.name.is_empty() {
+            return self.name.clone();
+        }
+        match &self.kind {
+            Kind::NotWorse { .. } => "not worse".to_owned(),
+            Kind::NoNewFailure { .. } => "no failure that the old one does not have".to_owned(),
+            Kind::Passes { allowed: 0 } => "passes all fixed scenarios".to_owned(),
+            Kind::Passes { allowed } => format!("fails at most {allowed} fixed scenarios"),
+            Kind::Measure { measure, at, below, above, on: [need, of] } => {
+                let at = at.as_deref().map(|at| format!(" at {at}")).unwrap_or_default();
+                let limits = [("below", *below), ("above", *above)];
+                let limits: Vec<String> =
+                    limits.iter().filter_map(|(word, limit)| Some(format!("{word} {}", (*limit)?))).collect();
+                format!("{measure}{at} {} on {need} of {of} roads", limits.join(" and "))
+            }
+        }
+    }
+
+    /// Whether it makes sense in a suite.
+    ///
+    /// # Errors
+    /// If not.
+    pub fn check(&self, suite: &Suite) -> Result<()> {
+        let title = self.title();
+        let wrong = |sentence: &str| Err(Error::new(format!("the requirement `{title}` {sentence}")));
+        let draws = !suite.places.is_empty();
+        match &self.kind {
+            Kind::NotWorse { .. } if !draws => wrong(
+                "is a test, for which scenarios have to be drawn; write a [[place]], or require `passes`",
+            ),
+            Kind::NotWorse { tolerated: Some(tolerated), .. } if !(*tolerated > 0.0 && *tolerated < 1.0) => {
+                wrong("has a `tolerated` that is not between 0 and 1")
+            }
+            Kind::NotWorse { by: By::Perturbation, .. } if suite.perturbations.is_empty() => {
+                wrong("goes by perturbation, but the suite has none; add some to `perturbations`")
+            }
+            Kind::NotWorse { by: By::Level, .. } if suite.perturbations.is_empty() => {
+                wrong("goes by level, but the suite has no perturbation; add some to `perturbations`")
+            }
+            Kind::Passes { .. } if suite.scenarios.is_empty() => {
+                wrong("is about fixed scenarios, but the suite has no [[scenario]]; add one")
+            }
+            Kind::Measure { .. } if !draws => {
+                wrong("needs roads, which are drawn for a [[place]]; write one")
+            }
+            Kind::Measure { below: None, above: None, .. } => wrong("has no limit; write `below` or `above`"),
+            Kind::Measure { on: [need, of], .. } if *need == 0 || need > of => {
+                wrong("has a wrong `on`; write [9, 10] for nine of ten roads")
+            }
+            Kind::Measure { measure, at, .. } => {
+                at.iter()
+                    .try_for_each(|at| AppliedPerturbation::from_json(&Value::from(at.as_str())).map(drop))?;
+                let known = measures();
+                match known.contains(&measure.as_str()) {
+                    true => Ok(()),
+                    false => wrong(&format!("names no measure of outcomes; they are {}", known.join(", "))),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The numbers that outcomes have.
+fn measures() -> Vec<&'static str> {
+    use pdk_model::outcome::Measures;
+    let numbers = |field: &&pdk_model::described::Field| field.json.starts_with("number");
+    Outcome::FIELDS.iter().chain(Measures::FIELDS).filter(numbers).map(|field| field.name).collect()
+}
+
+/// A measure of an outcome; none if the drive did not reach the end of its road, because the measure of a part of a drive says
+/// something else.
+pub fn measured(outcome: &Outcome, measure: &str) -> Option<f64> {
+    if outcome.cause != Cause::Finished {
+        return None;
+    }
+    let value = serde_json::to_value(outcome).ok()?;
+    value.get(measure).or_else(|| value.get("measures")?.get(measure))?.as_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suite::tests::{SMALL, suite};
+
+    #[test]
+    fn requirements_are_read_and_called_by_what_they_say() {
+        let with = |text: &str| suite(&format!("{SMALL}\n[[require]]\n{text}"));
+        for (text, title) in [
+            ("kind = \"not_worse\"\nby = \"level\"", "not worse"),
+            ("kind = \"no_new_failure\"\nname = \"nothing new\"", "nothing new"),
+            (
+                "kind = \"measure\"\nmeasure = \"max_cross_track_error\"\nat = \"fog@2\"\nbelow = 0.5\non = [9, 10]",
+                "max_cross_track_error at fog@2 below 0.5 on 9 of 10 roads",
+            ),
+        ] {
+            assert_eq!(with(text).unwrap().suite.required()[0].title(), title);
+        }
+        for (text, said) in [
+            ("kind = \"not_wrse\"", "unknown variant `not_wrse`"),
+            ("kind = \"not_worse\"\nbelow = 1", "unknown field `below`"),
+            ("kind = \"passes\"", "has no [[scenario]]"),
+            (
+                "kind = \"measure\"\nmeasure = \"x\"\nbelow = 1\non = [9, 10]",
+                "names no measure of outcomes; they are time",
+            ),
+            ("kind = \"measure\"\nmeasure = \"time\"\non = [9, 10]", "has no limit"),
+            ("kind = \"measure\"\nmeasure = \"time\"\nbelow = 1\non = [11, 10]", "has a wrong `on`"),
+            ("kind = \"not_worse\"\ntolerated = 1.5", "has a `tolerated`"),
+        ] {
+            let error = with(text).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_measure_is_that_of_a_whole_drive() {
+        let mut outcome =
+            Outcome { cause: Cause::Finished, max_cross_track_error: 0.5, ..Outcome::default() };
+        outcome.measures = Some(Box::default());
+        assert_eq!(measured(&outcome, "max_cross_track_error"), Some(0.5));
+        assert_eq!(measured(&outcome, "max_jerk"), Some(0.0));
+        outcome.cause = Cause::LaneDeparture;
+        assert_eq!(measured(&outcome, "max_cross_track_error"), None);
+    }
+}

@@ -1,0 +1,159 @@
+//! A driver that takes part: by its name, by the file of its network, or by a record of its drives.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use pdk_components::catalog::Catalog;
+use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::ScenarioId;
+use pdk_record::directory::{MANIFEST, VERDICT};
+use pdk_record::ledger::Line;
+use pdk_record::manifest::ComponentRecord;
+use pdk_replay::replay::Replay;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use pdk_session::session::Session;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::verdict::Verdict;
+
+/// Which of the two drivers one is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// The one that there was.
+    Old,
+    /// The one that is to take its place.
+    New,
+}
+
+impl Role {
+    /// As tables have it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Old => "old",
+            Self::New => "new",
+        }
+    }
+}
+
+/// A driver that takes part.
+#[derive(Debug, Clone)]
+pub struct Side {
+    /// As the user named it.
+    pub named: String,
+    /// The driver.
+    pub driver: ComponentSpec,
+    /// Drives that need not be driven again.
+    pub known: BTreeMap<ScenarioId, Line>,
+    /// The record that they are in.
+    pub record: Option<PathBuf>,
+    /// The components with which they were driven.
+    pub components: Vec<ComponentRecord>,
+}
+
+impl Side {
+    /// Finds a driver, and says what of its record cannot be used.
+    ///
+    /// # Errors
+    /// If the text names no driver, or the record is damaged or does not say which of several drivers is meant.
+    pub fn find(named: &str, session: &mut Session) -> Result<(Self, Vec<String>)> {
+        let path = Path::new(named);
+        if path.join(MANIFEST).is_file() {
+            return Self::of_record(named, session);
+        }
+        let driver = match named.trim_start().starts_with('{') {
+            true => {
+                let value: Value = serde_json::from_str(named)
+                    .map_err(|error| Error::new(format!("the driver {named} is not JSON ({error})")))?;
+                ComponentSpec::from_json("driver", &value)?
+            }
+            false if path.is_file() => of_file(path, session.catalog())?,
+            false if path.is_dir() => {
+                return Err(Error::new(format!(
+                    "{named} is a folder without a record of a run; name a folder with a {MANIFEST}"
+                )));
+            }
+            false => ComponentSpec::parse("driver", named)?,
+        };
+        session.catalog().get(Kind::Driver, &driver.name).map_err(|error| {
+            let sentence = format!("{error}; a network is named by its file, which {named} is not");
+            Error::of(error.kind(), if path.extension().is_some() { sentence } else { error.to_string() })
+        })?;
+        let side = Self {
+            named: named.to_owned(),
+            driver,
+            known: BTreeMap::new(),
+            record: None,
+            components: Vec::new(),
+        };
+        Ok((side, Vec::new()))
+    }
+
+    fn of_record(named: &str, session: &mut Session) -> Result<(Self, Vec<String>)> {
+        let folder = Path::new(named);
+        let replay = Replay::open(folder, &[])?;
+        let known: BTreeMap<ScenarioId, Line> = replay.lines().map(|line| (line.id, line.clone())).collect();
+        let driver = driver_of(folder, &known)?;
+        let mut side = Self {
+            named: named.to_owned(),
+            driver,
+            known,
+            record: Some(folder.to_owned()),
+            components: replay.manifest().components.clone(),
+        };
+        let changes = replay.changes(session).unwrap_or_else(|error| vec![error.to_string()]);
+        let told = changes.first().map(|change| {
+            side.known.clear();
+            side.components.clear();
+            format!("the drives in {named} are not used but driven again, because something is different since: {change}")
+        });
+        Ok((side, told.into_iter().collect()))
+    }
+}
+
+/// The driver that a record is about: the new one of a gate, or the only one.
+fn driver_of(folder: &Path, known: &BTreeMap<ScenarioId, Line>) -> Result<ComponentSpec> {
+    let verdict = folder.join(VERDICT);
+    if verdict.is_file() {
+        let new = Verdict::read(&verdict)?.entries.into_iter().find(|entry| entry.driver == Role::New);
+        if let Some(line) = new.and_then(|entry| known.get(&entry.id)) {
+            return Ok(line.scenario.driver.clone());
+        }
+    }
+    let mut drivers: Vec<&ComponentSpec> = Vec::new();
+    for line in known.values() {
+        if !drivers.contains(&&line.scenario.driver) {
+            drivers.push(&line.scenario.driver);
+        }
+    }
+    match drivers.as_slice() {
+        [driver] => Ok((*driver).clone()),
+        several => {
+            let names: Vec<String> = several.iter().map(|driver| driver.name.clone()).collect();
+            Err(Error::new(format!(
+                "the record {} has drives of several drivers ({}); name the record of one driver or of a gate",
+                folder.display(),
+                names.join(", ")
+            )))
+        }
+    }
+}
+
+/// The driver that runs the network in a file.
+fn of_file(file: &Path, catalog: &Catalog) -> Result<ComponentSpec> {
+    let takes = catalog.of_kind(Kind::Driver).filter(|entry| entry.base.is_none()).find_map(|entry| {
+        let drop_in = entry.description.drop_in.as_ref().filter(|drop_in| drop_in.takes(file))?;
+        Some((entry.description.name.clone(), drop_in.parameter.clone()))
+    });
+    let (name, parameter) = takes.ok_or_else(|| {
+        Error::new(format!(
+            "no driver takes the file {}; name a network, a driver or the record of a run",
+            file.display()
+        ))
+    })?;
+    let mut driver = ComponentSpec::new(name);
+    driver.parameters.insert(parameter, Value::from(file.to_string_lossy()));
+    Ok(driver)
+}

@@ -1,0 +1,263 @@
+//! The scenarios of a suite in the order in which they are looked at. Each follows from the hash of the suite and its number, so it is the
+//! same on every machine and for every driver, and each that is drawn has a road, a perturbation, a level and luck of its own.
+
+use std::fmt;
+use std::str::FromStr;
+
+use pdk_model::component::ComponentSpec;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::Scenario;
+use pdk_road::{MapBox, Road};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::seed::{Key, Random};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::{Value, json};
+
+use crate::requirement::Kind;
+use crate::suite::{Loaded, Place, Roads, Suite};
+
+/// How many roads are drawn until one is valid.
+const ATTEMPTS: usize = 10_000;
+
+/// Where a scenario comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Series {
+    /// It is one of the fixed scenarios, driven by both drivers.
+    Fixed,
+    /// It was drawn, and is driven by both drivers.
+    Drawn,
+    /// It was drawn for the requirement with this number, from 0, and is driven by the new driver alone.
+    Requirement(usize),
+}
+
+impl fmt::Display for Series {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed => f.write_str("fixed"),
+            Self::Drawn => f.write_str("drawn"),
+            Self::Requirement(number) => write!(f, "requirement {}", number + 1),
+        }
+    }
+}
+
+impl FromStr for Series {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let number = || text.strip_prefix("requirement ")?.parse::<usize>().ok()?.checked_sub(1);
+        match text {
+            "fixed" => Ok(Self::Fixed),
+            "drawn" => Ok(Self::Drawn),
+            _ => number().map(Self::Requirement).ok_or_else(|| {
+                Error::new(format!("`{text}` is not a series; it has to be fixed, drawn or requirement N"))
+            }),
+        }
+    }
+}
+
+impl Serialize for Series {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Series {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+/// A scenario of a suite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Where it comes from.
+    pub series: Series,
+    /// Its number in the series, from 0.
+    pub number: usize,
+    /// The perturbation of a drawn scenario as the suite writes it; none for a clear view.
+    pub perturbation: Option<String>,
+    /// Its level.
+    pub level: Option<f64>,
+    /// The scenario, without a driver.
+    pub scenario: Scenario,
+}
+
+impl Step {
+    /// Whether both drivers drive it.
+    pub fn is_pair(&self) -> bool {
+        !matches!(self.series, Series::Requirement(_))
+    }
+
+    /// What tables call it.
+    pub fn title(&self) -> String {
+        let Self { series, number, .. } = self;
+        format!("{series} {}: {}", number + 1, self.scenario.default_name())
+    }
+}
+
+/// All scenarios of a suite, in order: the fixed ones, those of requirements about a measure, and those that are drawn.
+///
+/// # Errors
+/// The iterator has an error if no valid road can be drawn.
+pub fn steps(loaded: &Loaded) -> impl Iterator<Item = Result<Step>> + '_ {
+    let suite = &loaded.suite;
+    let fixed = (0..suite.scenarios.len()).map(|number| (Series::Fixed, number));
+    let required = suite.required();
+    let measured: Vec<(Series, usize)> = (0..)
+        .zip(&required)
+        .filter_map(|(place, requirement)| match &requirement.kind {
+            Kind::Measure { on: [_, of], .. } => {
+                Some((0..*of).map(move |number| (Series::Requirement(place), number)))
+            }
+            _ => None,
+        })
+        .flatten()
+        .collect();
+    let pairs = if suite.places.is_empty() { 0 } else { suite.test.pairs };
+    let drawn = (0..pairs).map(|number| (Series::Drawn, number));
+    fixed.chain(measured).chain(drawn).map(move |(series, number)| step(loaded, series, number))
+}
+
+/// A scenario of a suite by its series and number.
+///
+/// # Errors
+/// If there is no such scenario, or no valid road can be drawn.
+pub fn step(loaded: &Loaded, series: Series, number: usize) -> Result<Step> {
+    let suite = &loaded.suite;
+    if series == Series::Fixed {
+        let scenario = suite.fixed(number)?;
+        return Ok(Step { series, number, perturbation: None, level: None, scenario });
+    }
+    let mut random = key(&loaded.hash, series, number).sequence();
+    let place = usize::try_from(random.below(suite.places.len() as u32)).unwrap_or_default();
+    let place = suite.places.get(place).ok_or_else(|| Error::new("the suite has no [[place]]"))?;
+    let road = road(&mut random, &place.road)?;
+    let seed = random.next_u64() >> 11;
+    let (perturbation, applied) = match series {
+        Series::Requirement(place) => required_perturbation(suite, place)?,
+        _ => drawn_perturbation(suite, &mut random)?,
+    };
+    let level =
+        applied.as_ref().and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64());
+    let scenario = scenario(place, road, applied, seed)?;
+    Ok(Step { series, number, perturbation, level, scenario })
+}
+
+/// The stream of draws of a scenario.
+fn key(hash: &str, series: Series, number: usize) -> Key {
+    let mut hasher = blake3::Hasher::new_derive_key("pdk suite scenario, version 1");
+    for part in [hash, &series.to_string()] {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part.as_bytes());
+    }
+    hasher.update(&(number as u64).to_le_bytes());
+    Key(*hasher.finalize().as_bytes())
+}
+
+fn road(random: &mut Random, roads: &Roads) -> Result<Value> {
+    let lengths = vec![roads.segment; roads.segments];
+    let map = MapBox::for_segments(&lengths);
+    let mut refused = String::new();
+    for _ in 0..ATTEMPTS {
+        let angles = pdk_road::random_angles(random, roads.segments, roads.limit as i32);
+        let valid = Road::from_angles(&angles, &lengths).and_then(|road| {
+            pdk_road::check(&road, pdk_road::WIDTH, &map)?;
+            pdk_road::check_bends(&road, pdk_road::SMALLEST_RADIUS)
+        });
+        match valid {
+            Ok(()) => return Ok(json!({"angles": angles, "segment": roads.segment})),
+            Err(reason) => refused = reason,
+        }
+    }
+    Err(Error::new(format!(
+        "no valid road of {} segments in {ATTEMPTS} attempts; the last: {refused}; allow smaller angles with `limit`",
+        roads.segments
+    )))
+}
+
+type Drawn = (Option<String>, Option<AppliedPerturbation>);
+
+fn drawn_perturbation(suite: &Suite, random: &mut Random) -> Result<Drawn> {
+    if random.unit() < suite.nominal {
+        return Ok((None, None));
+    }
+    let one = |random: &mut Random, count: usize| random.below(count as u32) as usize;
+    let Some(text) = suite.perturbations.get(one(random, suite.perturbations.len())) else {
+        return Ok((None, None));
+    };
+    let levels = suite.levels_of(text)?;
+    let applied = levels.get(one(random, levels.len())).cloned();
+    Ok((Some(text.clone()), applied))
+}
+
+fn required_perturbation(suite: &Suite, place: usize) -> Result<Drawn> {
+    let required = suite.required();
+    let Some(Kind::Measure { at, .. }) = required.get(place).map(|requirement| &requirement.kind) else {
+        return Err(Error::new(format!("the requirement {} has no scenarios of its own", place + 1)));
+    };
+    let applied = at.as_deref().map(|at| AppliedPerturbation::from_json(&Value::from(at))).transpose()?;
+    Ok((at.clone(), applied))
+}
+
+fn scenario(place: &Place, road: Value, applied: Option<AppliedPerturbation>, seed: u64) -> Result<Scenario> {
+    Ok(Scenario {
+        simulator: ComponentSpec::from_json("simulator", &place.simulator)?,
+        road,
+        perturbations: applied.into_iter().collect(),
+        duration: place.duration,
+        failure: place.failure,
+        mode: place.mode.unwrap_or_default(),
+        seed,
+        ..Scenario::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::suite::tests::{SMALL, suite};
+
+    #[test]
+    fn scenarios_follow_from_the_contents_and_their_number() {
+        let loaded = suite(SMALL).unwrap();
+        let all: Vec<Step> = steps(&loaded).collect::<Result<_>>().unwrap();
+        assert_eq!(all.len(), 50);
+        assert_eq!(all[17], step(&loaded, Series::Drawn, 17).unwrap());
+        let seeds: BTreeSet<u64> = all.iter().map(|step| step.scenario.seed).collect();
+        let roads: BTreeSet<String> = all.iter().map(|step| step.scenario.road.to_string()).collect();
+        assert_eq!((seeds.len(), roads.len()), (50, 50));
+        // Each of what can be drawn is drawn.
+        let drawn: BTreeSet<String> = all.iter().map(|step| step.scenario.default_name()).collect();
+        assert_eq!(drawn.into_iter().collect::<Vec<_>>(), ["fog@1", "fog@2", "nominal", "rain@3"]);
+        assert!(all.iter().all(|step| step.scenario.road["angles"].as_array().unwrap().len() == 4));
+        assert!(
+            all.iter()
+                .filter(|step| step.perturbation.as_deref() == Some("rain@3"))
+                .all(|step| step.level == Some(3.0))
+        );
+        let other = suite(&SMALL.replace("version = 1", "version = 2")).unwrap();
+        assert_ne!(step(&other, Series::Drawn, 17).unwrap().scenario.seed, all[17].scenario.seed);
+    }
+
+    #[test]
+    fn a_requirement_about_a_measure_has_roads_of_its_own() {
+        let text =
+            "[[require]]\nkind = \"measure\"\nmeasure = \"time\"\nat = \"fog@2\"\nbelow = 9\non = [2, 3]";
+        let loaded = suite(&format!("{SMALL}\n[[require]]\nkind = \"not_worse\"\n{text}")).unwrap();
+        let all: Vec<Step> = steps(&loaded).collect::<Result<_>>().unwrap();
+        assert_eq!(all.len(), 53);
+        for step in &all[..3] {
+            assert_eq!(
+                (step.series, step.scenario.default_name()),
+                (Series::Requirement(1), "fog@2".to_owned())
+            );
+            assert!(!step.is_pair());
+        }
+        for series in [Series::Fixed, Series::Drawn, Series::Requirement(4)] {
+            assert_eq!(series.to_string().parse::<Series>().unwrap(), series);
+        }
+        assert!("requirement 0".parse::<Series>().is_err());
+    }
+}

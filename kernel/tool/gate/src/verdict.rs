@@ -1,0 +1,239 @@
+//! The verdict of a gate as a file that anyone can check: what was driven, what came of it in checksums, and what follows.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use pdk_model::canonical::canonical;
+use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::scenario::ScenarioId;
+use pdk_record::manifest::ComponentRecord;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use crate::judge::{Decision, Judge, Seen};
+use crate::merkle;
+use crate::requirement::{Kind, measured};
+use crate::side::Role;
+use crate::step::{Series, Step, steps};
+use crate::suite::Loaded;
+
+/// The version of the format.
+const FORMAT: u32 = 1;
+/// Hexadecimal digits of a checksum.
+const DIGITS: usize = 32;
+/// Bytes of a file that may be a verdict.
+const LARGEST: u64 = 256 << 20;
+
+/// The verdict of a gate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// The version of the format.
+    pub format: u32,
+    /// The version of pdk.
+    pub pdk: String,
+    /// The suite.
+    pub suite: SuiteRecord,
+    /// The old driver.
+    pub old: DriverRecord,
+    /// The new driver.
+    pub new: DriverRecord,
+    /// What scenarios left to the machine, such as the engine of networks, and what it was.
+    pub settled: Vec<(String, String)>,
+    /// The components with which was driven, with the hashes of their files.
+    pub components: Vec<ComponentRecord>,
+    /// What follows.
+    pub decision: Decision,
+    /// What was driven, in the order in which it was looked at.
+    pub entries: Vec<Entry>,
+    /// The Merkle root over all of the above: the first leaf is the verdict without its entries, the others are the entries.
+    pub root: String,
+}
+
+/// A suite in a verdict.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SuiteRecord {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: u32,
+    /// How the command line named it.
+    pub named: String,
+    /// The hash of its contents.
+    pub blake3: String,
+}
+
+/// A driver in a verdict.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DriverRecord {
+    /// As the command line named it.
+    pub named: String,
+    /// The driver with its parameters, as scenarios have it.
+    pub component: ComponentSpec,
+    /// Its files, each with the BLAKE3 hash of its content; a driver that is made from a file of the user's has its name as a key.
+    pub files: BTreeMap<String, String>,
+}
+
+/// A scenario that was driven, and what came of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// Where the scenario comes from.
+    pub series: Series,
+    /// Its number there, from 0.
+    pub number: usize,
+    /// Who drove.
+    pub driver: Role,
+    /// The id of the scenario.
+    pub id: ScenarioId,
+    /// How it ended.
+    pub cause: Cause,
+    /// The measure of a requirement about one; none if the drive did not come to its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<f64>,
+    /// The checksum of the outcome.
+    pub checksum: String,
+}
+
+impl Entry {
+    /// What came of a scenario of a suite.
+    pub fn new(loaded: &Loaded, step: &Step, driver: Role, id: ScenarioId, outcome: &Outcome) -> Self {
+        let required = loaded.suite.required();
+        let measured = match step.series {
+            Series::Requirement(place) => match required.get(place).map(|requirement| &requirement.kind) {
+                Some(Kind::Measure { measure, .. }) => measured(outcome, measure),
+                _ => None,
+            },
+            _ => None,
+        };
+        let Step { series, number, .. } = step;
+        Self {
+            series: *series,
+            number: *number,
+            driver,
+            id,
+            cause: outcome.cause,
+            measured,
+            checksum: checksum(&id, outcome),
+        }
+    }
+
+    /// Whether the driver failed.
+    pub fn failed(&self) -> bool {
+        self.cause.verdict().failed()
+    }
+}
+
+/// The checksum of an outcome: of all that it says, and of the scenario.
+pub fn checksum(id: &ScenarioId, outcome: &Outcome) -> String {
+    let text = canonical(&json!({"id": id, "outcome": outcome}));
+    let hash = blake3::derive_key("pdk verdict outcome, version 1", text.as_bytes());
+    blake3::Hash::from_bytes(hash).to_hex()[..DIGITS].to_owned()
+}
+
+/// What came of a step, by its entries.
+pub fn seen(old: Option<&Entry>, new: &Entry) -> Seen {
+    Seen { old: old.map(Entry::failed), new: new.failed(), measured: new.measured }
+}
+
+impl Verdict {
+    /// Puts the root over a verdict.
+    pub fn sealed(mut self) -> Self {
+        self.format = FORMAT;
+        self.root = self.own_root();
+        self
+    }
+
+    /// The root that it should have.
+    fn own_root(&self) -> String {
+        let mut head = serde_json::to_value(self).unwrap_or_default();
+        if let Some(fields) = head.as_object_mut() {
+            fields.retain(|name, _| name != "entries" && name != "root");
+        }
+        let entry = |entry: &Entry| canonical(&serde_json::to_value(entry).unwrap_or_default());
+        let leaves: Vec<String> =
+            std::iter::once(canonical(&head)).chain(self.entries.iter().map(entry)).collect();
+        merkle::root(&leaves)
+    }
+
+    /// Reads a verdict; whether it is true is for others to say.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is not one.
+    pub fn read(path: &Path) -> Result<Self> {
+        let shown = path.display();
+        let text = file::read_text(path, LARGEST).place(format_args!("cannot read the verdict {shown}"))?;
+        let value: Value = serde_json::from_str(&text)
+            .map_err(|error| Error::new(format!("{shown} is not a verdict of `pdk gate` ({error})")))?;
+        match value["format"].as_u64() {
+            Some(format) if format == u64::from(FORMAT) => {}
+            Some(other) => {
+                return Err(Error::new(format!(
+                    "{shown} has format {other}, and this version of pdk knows format {FORMAT}; use the pdk that it was made with, {}",
+                    value["pdk"]
+                )));
+            }
+            None => {
+                return Err(Error::new(format!(
+                    "{shown} is not a verdict of `pdk gate`; name a {}",
+                    pdk_record::directory::VERDICT
+                )));
+            }
+        }
+        serde_json::from_value(value)
+            .map_err(|error| Error::new(format!("{shown} is not a verdict of `pdk gate` ({error})")))
+    }
+
+    /// What is wrong with a verdict in itself, or with what it says of a suite: its root, which scenarios it has, and what follows from
+    /// them. Whether the outcomes are true takes drives.
+    ///
+    /// # Errors
+    /// If the suite cannot be drawn from.
+    pub fn contradictions(&self, loaded: &Loaded) -> Result<Vec<String>> {
+        let mut wrong = Vec::new();
+        if self.root != self.own_root() {
+            wrong.push("its root is not that of its contents, so it was edited or is damaged".to_owned());
+        }
+        let mut judge = Judge::new(&loaded.suite);
+        let mut entries = self.entries.iter().enumerate();
+        for step in steps(loaded) {
+            if judge.is_over() {
+                break;
+            }
+            let step = step?;
+            let mut next = |role| {
+                let (_, entry) = entries.next()?;
+                let fits = (entry.series, entry.number, entry.driver) == (step.series, step.number, role);
+                fits.then_some(entry)
+            };
+            let old = if step.is_pair() { next(Role::Old).map(Some) } else { Some(None) };
+            let (Some(old), Some(new)) = (old, next(Role::New)) else {
+                wrong.push(format!(
+                    "it does not have the scenarios of the suite in their order: `{}` is missing",
+                    step.title()
+                ));
+                return Ok(wrong);
+            };
+            judge.look(&step, seen(old, new));
+        }
+        if let Some((place, _)) = entries.next() {
+            wrong.push(format!(
+                "it has {} entries, but was decided after {place} of them",
+                self.entries.len()
+            ));
+        }
+        if judge.decide() != self.decision {
+            wrong.push("its decision does not follow from its entries".to_owned());
+        }
+        Ok(wrong)
+    }
+
+    /// The driver that has this role.
+    pub fn driver(&self, role: Role) -> &DriverRecord {
+        match role {
+            Role::Old => &self.old,
+            Role::New => &self.new,
+        }
+    }
+}
