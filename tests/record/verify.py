@@ -3,8 +3,8 @@
     pip install blake3 mcap
     python3 tests/record/verify.py RECORD...
 
-It computes the id, the checksum and the digest of every line, reads every trace to its end, and compares the hashes of what the manifest
-quotes. If anything differs, it prints a sentence and ends with exit code 1.
+It computes the id, the checksum and the digest of every line, reads every trace to its end, compares the hashes of what the manifest
+quotes, and computes the root of a gate's verdict and the checksums of its drives. If anything differs, it prints a sentence and ends with exit code 1.
 """
 
 import json
@@ -156,6 +156,33 @@ def check_trace(path, line):
         expect(steps == line["frames"], f"it has {steps} steps, but the line has {line['frames']} frames")
 
 
+# The fields of a line that are not its outcome.
+NOT_OUTCOME = ("id", "name", "scenario", "images_every", "checksum")
+
+
+def derived(context, data):
+    return blake3(data, derive_key_context=context).digest()
+
+
+def check_verdict(path, found):
+    """The verdict of a gate: its root, and the checksums of the drives that are in this record."""
+    verdict = json.loads(path.read_bytes())
+    head = {key: value for key, value in verdict.items() if key not in ("entries", "root")}
+    texts = [canonical(head)] + [canonical(entry) for entry in verdict["entries"]]
+    level = [derived("pdk verdict leaf, version 1", text.encode()) for text in texts]
+    while len(level) > 1:
+        pairs = [level[at : at + 2] for at in range(0, len(level), 2)]
+        level = [derived("pdk verdict node, version 1", b"".join(pair)) if len(pair) == 2 else pair[0] for pair in pairs]
+    expect(level[0].hex() == verdict["root"], "the root of the verdict is not that of its contents")
+    for entry in verdict["entries"]:
+        line = found.get(entry["id"])
+        if line is not None:
+            outcome = {key: value for key, value in line.items() if key not in NOT_OUTCOME}
+            text = canonical({"id": entry["id"], "outcome": outcome})
+            own = derived("pdk verdict outcome, version 1", text.encode()).hex()[:32]
+            expect(own == entry["checksum"], f"the verdict has another outcome of the scenario {entry['id']}")
+
+
 def verify(record):
     manifest = json.loads((record / "manifest.json").read_bytes())
     for module in manifest["pipeline"].get("modules", []):
@@ -174,12 +201,14 @@ def verify(record):
         index, of = part["shard"]["index"], part["shard"]["of"]
         missing = [name for name in part["scenarios"][index - 1 :: of] if name not in found]
         expect(not missing, f"part {index}/{of} has no line of the scenario {', '.join(missing)}")
-    derived = sum(
+    if (record / "verdict.json").exists():
+        check_verdict(record / "verdict.json", found)
+    from_run = sum(
         line["scenario"]["seed"]
         == seed_of(manifest["seed"], line["scenario"].get("road"), line["scenario"].get("repeat", 0))
         for line in found.values()
     )
-    print(f"{record}: {len(found)} scenarios and their traces are as they were written; {derived} seeds come from the run's seed")
+    print(f"{record}: {len(found)} scenarios and their traces are as they were written; {from_run} seeds come from the run's seed")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ const NOT_RUN: [(&str, &str); 11] = [
     ("pdk run greedy --set perturbations=motion_blur", "the guide has a transcript of a smaller one"),
     ("pdk run greedy --set perturbations=gaussian_noise", "the guide has a transcript of a smaller one"),
     ("pdk run greedy --workers 2 --set 'simulator=", "it needs a simulator that is not here"),
+    ("pdk gate dave2 pilot.onnx", "the network is the reader's"),
     ("pdk run attention", "it drives for many minutes"),
     (
         "pdk run search",
@@ -32,7 +33,7 @@ const NOT_RUN: [(&str, &str); 11] = [
 const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugin list", "pdk plugin remove"];
 
 /// Beginnings of commands that drive, or work on the record of the quickstart. They are run in this order, in one folder.
-const LONG: [&str; 8] = [
+const LONG: [&str; 11] = [
     "pdk run scripts/",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set driver=onnx",
@@ -41,6 +42,9 @@ const LONG: [&str; 8] = [
     "pdk export",
     "pdk shrink",
     "pdk saliency docs/examples/tub",
+    "pdk gate dave2 dave2_augmented",
+    "pdk suite runs/smoke-1",
+    "pdk verify",
 ];
 
 /// The pages, the README first.

@@ -27,7 +27,7 @@ fn the_guide_shows_what_short_commands_print() {
 #[test]
 #[ignore = "long: .ci/run runs it"]
 fn the_guide_shows_what_runs_print() {
-    for page in ["tour", "pipelines", "search", "records", "cluster"] {
+    for page in ["tour", "pipelines", "search", "records", "cluster", "verdicts"] {
         check(page);
     }
 }

@@ -56,4 +56,5 @@ pub mod table;
 mod tables;
 mod task;
 mod tickets;
+mod used;
 mod values;

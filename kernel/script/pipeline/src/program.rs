@@ -7,7 +7,6 @@ use std::sync::Arc;
 use pdk_components::catalog::Catalog;
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
-use pdk_record::manifest::ComponentRecord;
 use pdk_sdk::error::Result;
 use pdk_session::session::{Session, Submission, Ticket};
 use serde::Serialize;
@@ -16,6 +15,7 @@ use serde_json::Value;
 use crate::finished::Finished;
 use crate::host::Host;
 use crate::run::{Options, Script, start};
+pub use crate::used::Used;
 
 /// The text that a tool runs, for the record.
 #[derive(Debug, Clone)]
@@ -26,15 +26,6 @@ pub struct Text {
     pub source: String,
     /// The folder in which it lies; none if it is part of pdk.
     pub folder: Option<PathBuf>,
-}
-
-/// What a run has used.
-#[derive(Debug, Clone)]
-pub struct Used {
-    /// The components, with their files.
-    pub components: Vec<ComponentRecord>,
-    /// What scenarios left to the machine, such as the engine of networks, and what it was.
-    pub settled: Vec<(String, String)>,
 }
 
 /// A tool while it runs.

@@ -64,8 +64,8 @@ pub fn of_scenarios<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture::suite;
     use crate::step::{Series, steps};
-    use crate::suite::tests::suite;
     use serde_json::json;
 
     fn line(seed: u64, cause: &str) -> Line {

@@ -19,9 +19,10 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::judge::{Decision, Judge};
-use crate::side::{Role, Side};
+use crate::loaded::Loaded;
+use crate::role::Role;
+use crate::side::Side;
 use crate::step::{Step, steps};
-use crate::suite::Loaded;
 use crate::verdict::{DriverRecord, Entry, SuiteRecord, Verdict, seen};
 
 /// What a gate came to.

@@ -354,9 +354,9 @@ impl Test {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixture::{SMALL, suite};
+    use crate::loaded::Loaded;
     use crate::step::step;
-    use crate::suite::Loaded;
-    use crate::suite::tests::{SMALL, suite};
 
     const BOTH: [bool; 2] = [true, true];
     const NEITHER: [bool; 2] = [false, false];

@@ -11,10 +11,11 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`suite`] | the file of a suite; [`requirement`] what it requires |
+//! | [`suite`] | what a suite says; [`requirement`] what it requires; `check` whether that makes sense |
+//! | [`loaded`] | suites by their names or files |
 //! | [`step`] | its scenarios, in order |
 //! | [`judge`] | the decision, from what came of scenarios |
-//! | [`side`] | a driver that takes part |
+//! | [`side`] | a driver that takes part; [`role`] which of the two it is |
 //! | [`gate`] | drives until the decision is clear |
 //! | [`verdict`] | the file with the verdict; `merkle` is the hash over it |
 //! | [`verify`] | checks such a file; [`probes`] says which entries are driven again, and what that proves |
@@ -22,11 +23,16 @@
 //! | [`again`] | suites of what failed before |
 
 pub mod again;
+mod check;
+#[cfg(test)]
+mod fixture;
 pub mod gate;
 pub mod judge;
+pub mod loaded;
 mod merkle;
 pub mod probes;
 pub mod requirement;
+pub mod role;
 pub mod shown;
 pub mod side;
 pub mod step;

@@ -1,12 +1,7 @@
 //! What a suite requires of the new driver.
 
 use pdk_model::outcome::{Cause, Outcome};
-use pdk_model::perturbation::AppliedPerturbation;
-use pdk_sdk::error::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-
-use crate::suite::Suite;
 
 /// A requirement with a name of its own, or one that follows from it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,57 +95,6 @@ impl Requirement {
             }
         }
     }
-
-    /// Whether it makes sense in a suite.
-    ///
-    /// # Errors
-    /// If not.
-    pub fn check(&self, suite: &Suite) -> Result<()> {
-        let title = self.title();
-        let wrong = |sentence: &str| Err(Error::new(format!("the requirement `{title}` {sentence}")));
-        let draws = !suite.places.is_empty();
-        match &self.kind {
-            Kind::NotWorse { .. } if !draws => wrong(
-                "is a test, for which scenarios have to be drawn; write a [[place]], or require `passes`",
-            ),
-            Kind::NotWorse { tolerated: Some(tolerated), .. } if !(*tolerated > 0.0 && *tolerated < 1.0) => {
-                wrong("has a `tolerated` that is not between 0 and 1")
-            }
-            Kind::NotWorse { by: By::Perturbation, .. } if suite.perturbations.is_empty() => {
-                wrong("goes by perturbation, but the suite has none; add some to `perturbations`")
-            }
-            Kind::NotWorse { by: By::Level, .. } if suite.perturbations.is_empty() => {
-                wrong("goes by level, but the suite has no perturbation; add some to `perturbations`")
-            }
-            Kind::Passes { .. } if suite.scenarios.is_empty() => {
-                wrong("is about fixed scenarios, but the suite has no [[scenario]]; add one")
-            }
-            Kind::Measure { .. } if !draws => {
-                wrong("needs roads, which are drawn for a [[place]]; write one")
-            }
-            Kind::Measure { below: None, above: None, .. } => wrong("has no limit; write `below` or `above`"),
-            Kind::Measure { on: [need, of], .. } if *need == 0 || need > of => {
-                wrong("has a wrong `on`; write [9, 10] for nine of ten roads")
-            }
-            Kind::Measure { measure, at, .. } => {
-                at.iter()
-                    .try_for_each(|at| AppliedPerturbation::from_json(&Value::from(at.as_str())).map(drop))?;
-                let known = measures();
-                match known.contains(&measure.as_str()) {
-                    true => Ok(()),
-                    false => wrong(&format!("names no measure of outcomes; they are {}", known.join(", "))),
-                }
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// The numbers that outcomes have.
-fn measures() -> Vec<&'static str> {
-    use pdk_model::outcome::Measures;
-    let numbers = |field: &&pdk_model::described::Field| field.json.starts_with("number");
-    Outcome::FIELDS.iter().chain(Measures::FIELDS).filter(numbers).map(|field| field.name).collect()
 }
 
 /// A measure of an outcome; none if the drive did not reach the end of its road, because the measure of a part of a drive says
@@ -166,7 +110,7 @@ pub fn measured(outcome: &Outcome, measure: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::suite::tests::{SMALL, suite};
+    use crate::fixture::{SMALL, suite};
 
     #[test]
     fn requirements_are_read_and_called_by_what_they_say() {

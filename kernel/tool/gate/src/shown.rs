@@ -13,7 +13,8 @@ use crate::gate::{Judged, NewFailure};
 use crate::judge::{Finding, State};
 
 /// The columns of the table of requirements.
-const HEADER: [&str; 7] = ["requirement", "", "scenarios", "old fails", "new fails", "difference", "found"];
+const HEADER: [&str; 7] =
+    ["requirement", "state", "scenarios", "old fails", "new fails", "difference", "found"];
 /// New failures that a table names; the others are in the verdict.
 const MOST: usize = 20;
 

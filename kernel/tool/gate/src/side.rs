@@ -13,30 +13,10 @@ use pdk_replay::replay::Replay;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Session;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::role::Role;
 use crate::verdict::Verdict;
-
-/// Which of the two drivers one is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Role {
-    /// The one that there was.
-    Old,
-    /// The one that is to take its place.
-    New,
-}
-
-impl Role {
-    /// As tables have it.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::Old => "old",
-            Self::New => "new",
-        }
-    }
-}
 
 /// A driver that takes part.
 #[derive(Debug, Clone)]

@@ -13,8 +13,9 @@ use pdk_sdk::seed::{Key, Random};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Value, json};
 
+use crate::loaded::Loaded;
 use crate::requirement::Kind;
-use crate::suite::{Loaded, Place, Roads, Suite};
+use crate::suite::{Place, Roads, Suite};
 
 /// How many roads are drawn until one is valid.
 const ATTEMPTS: usize = 10_000;
@@ -217,7 +218,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::suite::tests::{SMALL, suite};
+    use crate::fixture::{SMALL, suite};
 
     #[test]
     fn scenarios_follow_from_the_contents_and_their_number() {

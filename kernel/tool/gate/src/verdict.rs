@@ -14,11 +14,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::judge::{Decision, Judge, Seen};
+use crate::loaded::Loaded;
 use crate::merkle;
 use crate::requirement::{Kind, measured};
-use crate::side::Role;
+use crate::role::Role;
 use crate::step::{Series, Step, steps};
-use crate::suite::Loaded;
 
 /// The version of the format.
 const FORMAT: u32 = 1;

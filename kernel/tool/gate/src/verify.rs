@@ -20,10 +20,10 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::gate::driven_by;
+use crate::loaded::Loaded;
 use crate::probes;
-use crate::side::Role;
+use crate::role::Role;
 use crate::step::step;
-use crate::suite::Loaded;
 use crate::verdict::{Entry, Verdict, checksum};
 
 /// How a verdict is verified.

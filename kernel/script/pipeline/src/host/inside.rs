@@ -11,7 +11,7 @@ use pdk_session::session::{Session, Ticket};
 use serde::Serialize;
 
 use super::Host;
-use crate::program::Used;
+use crate::used::Used;
 
 impl Host {
     /// The session.

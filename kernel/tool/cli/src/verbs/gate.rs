@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use pdk_components::product;
 use pdk_gate::gate::{self, Judged, NewFailure};
-use pdk_gate::suite::Loaded;
+use pdk_gate::loaded::Loaded;
 use pdk_gate::{again, shown};
 use pdk_model::scenario::ScenarioId;
 use pdk_notice::eprintln;

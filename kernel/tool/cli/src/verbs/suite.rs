@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use pdk_gate::again;
+use pdk_gate::loaded::Loaded;
 use pdk_gate::step::{Step, steps};
-use pdk_gate::suite::{ENDING, Loaded};
+use pdk_gate::suite::ENDING;
 use pdk_notice::println;
 use pdk_record::directory::MANIFEST;
 use pdk_record::ledger::Line;

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use pdk_gate::suite::Loaded;
+use pdk_gate::loaded::Loaded;
 use pdk_gate::verdict::Verdict;
 use pdk_gate::verify::{self, Verified, Wanted};
 use pdk_notice::eprintln;
@@ -103,7 +103,8 @@ fn print(verdict: &Verdict, verified: &Verified) {
     }
     println!("Its root, its scenarios and its decision agree with each other and with the suite.");
     println!("{} of {entries} drives were repeated and came out the same, bit for bit.", probes.len());
-    for (share, probability) in chances {
+    // Of all drives, nothing is left to chance.
+    for (share, probability) in chances.iter().filter(|_| probes.len() < *entries) {
         println!(
             "If {:.0} % of its drives were false, this would have shown with a probability of {:.1} %.",
             100.0 * share,

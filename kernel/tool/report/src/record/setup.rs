@@ -62,15 +62,24 @@ fn text(value: &Value) -> String {
 /// The command that repeats a run. The manifest does not tell defaults from what was set, so it names all settings.
 fn command(manifest: &Manifest) -> String {
     let pipeline = quoted(&manifest.pipeline.path.to_string_lossy());
-    let mut command = format!("pdk run {pipeline} --seed {}", manifest.seed);
+    let text = |key: &str| manifest.settings.get(key).and_then(Value::as_str).map(quoted);
+    // A gate has no pipeline: what it ran is a suite.
+    let gate = match (text("old"), text("new"), text("suite")) {
+        (Some(old), Some(new), Some(suite)) if pipeline.ends_with(".toml") => {
+            Some(format!("pdk gate {old} {new} --suite {suite}"))
+        }
+        _ => None,
+    };
+    let is_gate = gate.is_some();
+    let mut command = gate.unwrap_or_else(|| format!("pdk run {pipeline} --seed {}", manifest.seed));
     for (option, folders) in [("--plugins", &manifest.plugins), ("--drop-ins", &manifest.drop_ins)] {
         for folder in folders {
             command += &format!(" \\\n  {option} {}", quoted(&folder.to_string_lossy()));
         }
     }
-    for (key, value) in manifest.settings.as_object().into_iter().flatten() {
+    for (key, value) in manifest.settings.as_object().filter(|_| !is_gate).into_iter().flatten() {
         // An empty table may be meant as either; a list does for both.
-        let value = text(value);
+        let value = self::text(value);
         command += &format!(" \\\n  --set {}", quoted(&format!("{key}={value}")));
     }
     command
