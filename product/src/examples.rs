@@ -30,8 +30,8 @@ pub const EXAMPLES: &[Examples] = &[
         &[
             ("pdk verify runs/smoke-1", "whether the verdict of a gate holds, by repeating 59 of its drives"),
             (
-                "pdk verify verdict.json --probes 200 --draw nobody-knew-this",
-                "more drives, which nobody could foresee",
+                "pdk verify verdict.json --probes 200 --draw unforeseen",
+                "more drives, which the maker of the verdict could not foresee",
             ),
         ],
     ),

@@ -104,6 +104,8 @@ fn a_worse_driver_fails_with_a_code_of_its_own_and_its_failures_are_kept() {
         .arg(file("a.json"))
         .arg("--save-suite")
         .arg(file("never_again.toml"))
+        .arg("--clips")
+        .arg(file("clips"))
         .arg("--json")
         .run();
     assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
@@ -114,6 +116,9 @@ fn a_worse_driver_fails_with_a_code_of_its_own_and_its_failures_are_kept() {
     );
     let failures = found["new_failures"].as_array().unwrap();
     assert!(!failures.is_empty());
+    assert!(
+        failures.iter().all(|failure| fs::metadata(failure["clip"].as_str().unwrap()).unwrap().len() > 1000)
+    );
     // The command of a failure repeats it.
     let command = failures[0]["replay"].as_str().unwrap();
     let words: Vec<&str> = command.split(' ').skip(1).collect();

@@ -57,6 +57,8 @@ pub struct NewFailure {
     pub time: f64,
     /// The record that it is in.
     pub record: PathBuf,
+    /// A clip of it, once one was made.
+    pub clip: Option<PathBuf>,
     /// The scenario.
     #[serde(skip)]
     pub scenario: Scenario,
@@ -247,6 +249,7 @@ impl Conduct<'_> {
                 cause: outcome.cause,
                 time: outcome.time,
                 record,
+                clip: None,
                 scenario,
             });
         }

@@ -1,5 +1,5 @@
-//! Looks at one scenario after the other, in order, and says when enough has been seen. It knows nothing of drives: whoever has the
-//! outcomes can make the decision again.
+//! Looks at one scenario after the other, in order, and says when enough has been seen. It knows nothing of drives, so a program that
+//! has the outcomes can make the decision again.
 
 use pdk_statistics::anytime::{Claim, Sequence, Side};
 use serde::{Deserialize, Serialize};

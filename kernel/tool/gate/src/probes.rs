@@ -3,7 +3,7 @@
 use pdk_sdk::seed::Key;
 
 /// The places of `count` of `entries`, in order: all if there are no more. They follow from the root of the verdict and from a text of
-/// whoever verifies it, so nobody can choose which entries are driven again.
+/// the person who verifies it, so they are not known before the verdict is complete.
 pub fn drawn(root: &str, text: &str, entries: usize, count: usize) -> Vec<usize> {
     let mut hasher = blake3::Hasher::new_derive_key("pdk verdict probes, version 1");
     for part in [root, text] {

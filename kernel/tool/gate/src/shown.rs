@@ -1,7 +1,6 @@
 //! A verdict for people and for other programs: a table, Markdown for a pull request, JUnit XML.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
 use pdk_notice::printable;
@@ -97,8 +96,9 @@ pub fn explanation(judged: &Judged) -> Option<String> {
 /// A line for each new failure.
 pub fn failures(judged: &Judged) -> Vec<String> {
     let line = |failure: &NewFailure| {
-        let NewFailure { title, cause, time, .. } = failure;
-        format!("{title}: {} after {time:.2} s\n  {}", cause.text(), replay(failure))
+        let NewFailure { title, cause, time, clip, .. } = failure;
+        let clip = clip.as_ref().map(|clip| format!("\n  {}", clip.display())).unwrap_or_default();
+        format!("{title}: {} after {time:.2} s\n  {}{clip}", cause.text(), replay(failure))
     };
     let mut lines: Vec<String> = judged.failures.iter().take(MOST).map(line).collect();
     if let Some(more) = judged.failures.len().checked_sub(MOST).filter(|more| *more > 0) {
@@ -138,8 +138,15 @@ pub fn markdown(judged: &Judged) -> String {
     if !judged.failures.is_empty() {
         let _ = write!(text, "\n<details><summary>New failures: {}</summary>\n\n", judged.failures.len());
         for failure in &judged.failures {
-            let NewFailure { title, cause, time, .. } = failure;
-            let _ = writeln!(text, "- {}: {} after {time:.2} s", cell(title), cause.text());
+            let NewFailure { title, cause, time, clip, .. } = failure;
+            let clip = clip.as_ref().map(|clip| format!(", clip {}", cell(&clip.to_string_lossy())));
+            let _ = writeln!(
+                text,
+                "- {}: {} after {time:.2} s{}",
+                cell(title),
+                cause.text(),
+                clip.unwrap_or_default()
+            );
             let _ = writeln!(text, "  ```sh\n  {}\n  ```", printable(&replay(failure)));
         }
         text += "\n</details>\n";
@@ -215,23 +222,19 @@ pub fn junit(judged: &Judged) -> Result<String> {
 ///
 /// # Errors
 /// If it cannot be JSON.
-pub fn json(
-    judged: &Judged,
-    clips: &[(pdk_model::scenario::ScenarioId, std::path::PathBuf)],
-) -> Result<serde_json::Value> {
-    let failure = |failure: &NewFailure| {
-        let mut value = serde_json::to_value(failure).unwrap_or_default();
+pub fn json(judged: &Judged) -> Result<serde_json::Value> {
+    let mut failures = Vec::with_capacity(judged.failures.len());
+    for failure in &judged.failures {
+        let mut value = serde_json::to_value(failure)?;
         value["replay"] = replay(failure).into();
-        let clip = clips.iter().find(|(id, _)| *id == failure.id).map(|(_, path)| path.as_path());
-        value["clip"] = clip.map(Path::to_string_lossy).map(String::from).into();
-        value
-    };
+        failures.push(value);
+    }
     Ok(serde_json::json!({
         "passed": judged.verdict.decision.passed,
         "record": judged.record,
         "drives": judged.drives.0,
         "budget": judged.drives.1,
-        "new_failures": judged.failures.iter().map(failure).collect::<Vec<_>>(),
+        "new_failures": failures,
         "verdict": judged.verdict,
     }))
 }

@@ -6,7 +6,6 @@ use pdk_components::product;
 use pdk_gate::gate::{self, Judged, NewFailure};
 use pdk_gate::loaded::Loaded;
 use pdk_gate::{again, shown};
-use pdk_model::scenario::ScenarioId;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_pipeline::follow::Audience;
@@ -62,10 +61,15 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
     let loaded = Loaded::find(&arguments.suite)?;
     let options = arguments.settings.options(global, audience)?;
     let (pool, limits) = (options.common.pool(), options.common.limits());
-    let judged = gate::run(&loaded, [&arguments.old, &arguments.new], options)?;
+    let mut judged = gate::run(&loaded, [&arguments.old, &arguments.new], options)?;
     for warning in &judged.warnings {
         eprintln!("pdk: warning: {warning}");
     }
+    // What is known is shown and written even if a clip cannot be made.
+    let filmed = match &arguments.clips {
+        Some(folder) => film(global, &mut judged.failures, folder, &pool, &limits),
+        None => Ok(()),
+    };
     if !global.json {
         print(&judged);
     }
@@ -84,13 +88,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
         let text = again::of_scenarios(scenarios, &super::suite::name_of(path)?, &about)?;
         write(&Some(path.clone()), &|| Ok(text.clone()))?;
     }
-    let clips = match &arguments.clips {
-        Some(folder) => film(global, &judged.failures, folder, &pool, &limits)?,
-        None => Vec::new(),
-    };
     if global.json {
-        print_json(&shown::json(&judged, &clips)?)?;
+        print_json(&shown::json(&judged)?)?;
     }
+    filmed?;
     Ok(judged.verdict.decision.passed)
 }
 
@@ -117,28 +118,23 @@ fn print(judged: &Judged) {
     println!("{}", shown::headline(judged));
 }
 
-/// Films new failures, a clip each; returns which is where.
+/// Films new failures, a clip each.
 fn film(
     global: &Global,
-    failures: &[NewFailure],
+    failures: &mut [NewFailure],
     folder: &Path,
     pool: &Pool,
     limits: &Limits,
-) -> Result<Vec<(ScenarioId, PathBuf)>> {
+) -> Result<()> {
     std::fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
-    let mut clips = Vec::new();
-    for NewFailure { id, record, .. } in failures {
+    for NewFailure { id, record, clip, .. } in failures {
         let path = folder.join(format!("{id}.mp4"));
         let replay = Replay::open(record, &[id.to_string()])?;
-        let (pool, limits) = (pool.clone(), *limits);
-        let session =
-            recorded::session(global, &replay, Driving { verb: "gate", record, pool, limits, trust: false })?;
+        let driving = Driving { verb: "gate", record, pool: pool.clone(), limits: *limits, trust: false };
+        let session = recorded::session(global, &replay, driving)?;
         let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames of a clip, {eta} left");
         replay.drive(session, Some(&Film { path: path.clone(), saliency: None }), &progress)?;
-        if !global.json {
-            println!("Clip: {}", path.display());
-        }
-        clips.push((*id, path));
+        *clip = Some(path);
     }
-    Ok(clips)
+    Ok(())
 }

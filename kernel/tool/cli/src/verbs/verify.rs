@@ -27,7 +27,7 @@ pub struct Arguments {
     /// How many drives are repeated: of 59, one shows with 95 % that 5 % of the verdict are false
     #[arg(long, value_name = "N", default_value_t = 59)]
     probes: usize,
-    /// A text of your own that goes into the draw, so that nobody could choose which drives are repeated
+    /// A text of your own that goes into the draw, so that the maker of the verdict could not foresee which drives are repeated
     #[arg(long, value_name = "TEXT", default_value = "")]
     draw: String,
     #[arg(long, value_name = "SUITE", help = suite_help() + " [default: what the verdict names]")]
