@@ -76,6 +76,17 @@ impl Requirement {
         Self { name: String::new(), kind }
     }
 
+    /// What is required, in a clause; `tolerated` is what the suite says.
+    pub fn described(&self, tolerated: f64) -> String {
+        let Kind::NotWorse { by, tolerated: own } = &self.kind else { return self.title() };
+        let by = match by {
+            By::Overall => "",
+            By::Perturbation => ", each perturbation for itself",
+            By::Level => ", each level for itself",
+        };
+        format!("{} by more than {}{by}", self.title(), own.unwrap_or(tolerated))
+    }
+
     /// What tables call it.
     pub fn title(&self) -> String {
         if !self.name.is_empty() {

@@ -69,10 +69,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let (pairs, alone) =
         (all.iter().filter(|step| step.is_pair()).count(), all.iter().filter(|step| !step.is_pair()).count());
     println!("scenarios   at most {pairs} for both drivers, {alone} for the new one alone");
-    println!("tolerated   {}", suite.test.tolerated);
     println!("alpha       {}", suite.test.alpha);
     for requirement in suite.required() {
-        println!("requires    {}", requirement.title());
+        println!("requires    {}", requirement.described(suite.test.tolerated));
     }
     Ok(())
 }
