@@ -89,11 +89,12 @@ pub fn frames(
     for index in job.from..job.end {
         let at = Some(index as u64);
         let name = evaluator.dataset.call(Function::Name, at, |dataset| Ok(dataset.name(index)))?;
-        let found = evaluator.frame(index, (job.sequence, origin), begins, chain.as_mut(), &mut evaluated);
+        let found =
+            evaluator.frame((index, &name), (job.sequence, origin), begins, chain.as_mut(), &mut evaluated);
         begins = found.is_err();
         let frame = match found {
             Ok((truth, Seen::Control(control))) => EvaluatedFrame::Good { frame: name, truth, control },
-            Ok((_, Seen::Taken(taken))) => {
+            Ok((truth, Seen::Taken(taken))) => {
                 values += taken.size();
                 if values > MOST_VALUES {
                     return Err(Error::of(
@@ -105,7 +106,7 @@ pub fn frames(
                         ),
                     ));
                 }
-                EvaluatedFrame::Predicted { frame: name, taken }
+                EvaluatedFrame::Predicted { frame: name, truth, taken }
             }
             Err(Failed { error, .. }) if error.kind() == ErrorKind::Configuration => return Err(error),
             Err(Failed { error, by_driver }) => {
@@ -203,7 +204,7 @@ impl Evaluator {
     /// its time.
     fn frame(
         &mut self,
-        index: usize,
+        (index, name): (usize, &str),
         sequence: (usize, f64),
         begins: bool,
         chain: Option<&mut Chain>,
@@ -226,14 +227,20 @@ impl Evaluator {
         let cx = DriveContext { frame_index, time: entry.time - origin, speed: entry.speed };
         let by_driver = |error| Failed { error, by_driver: true };
         let started = Instant::now();
-        let seen = looking.look(frame, &cx, at, begins).map_err(by_driver)?;
+        let seen = looking.look((frame, name), &cx, at, begins).map_err(by_driver)?;
         times.driver_seconds += seconds(started.elapsed());
         Ok((Control { steering: entry.steering, throttle: entry.throttle }, seen))
     }
 }
 
 impl Looking {
-    fn look(&mut self, frame: Frame<'_>, cx: &DriveContext, at: Option<u64>, begins: bool) -> Result<Seen> {
+    fn look(
+        &mut self,
+        (frame, name): (Frame<'_>, &str),
+        cx: &DriveContext,
+        at: Option<u64>,
+        begins: bool,
+    ) -> Result<Seen> {
         match self {
             Self::Driver(driver) => {
                 if begins {
@@ -249,7 +256,9 @@ impl Looking {
                 }
                 let size = (frame.width(), frame.height());
                 predictor
-                    .call(Function::Predict, at, |predictor| take.from(predictor.predict(frame, cx)?, size))
+                    .call(Function::Predict, at, |predictor| {
+                        take.from(predictor.predict(frame, cx)?, name, size)
+                    })
                     .map(Seen::Taken)
             }
         }

@@ -328,6 +328,9 @@ pub enum EvaluatedFrame {
     Predicted {
         /// The name of the frame.
         frame: String,
+        /// What was recorded; not a number if it was not.
+        #[serde(with = "crate::recorded")]
+        truth: Control,
         /// What was taken from them.
         taken: Taken,
     },

@@ -2,7 +2,10 @@
 
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::Output;
+use pdk_truth::distances::Distances;
+use pdk_truth::segments::Segments;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 /// What is taken from the outputs of each frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +25,22 @@ pub enum Take {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         names: Vec<String>,
     },
+    /// How many pixels of each class an output finds.
+    Segments {
+        /// The output; none for the first.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        output: Option<String>,
+        /// The masks of the frames.
+        truth: Segments,
+    },
+    /// How far an output is from measured distances.
+    Distances {
+        /// The output; none for the first.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        output: Option<String>,
+        /// The distances of the frames.
+        truth: Distances,
+    },
 }
 
 /// What was taken from the outputs of a frame.
@@ -39,6 +58,8 @@ pub enum Taken {
         /// The outputs.
         outputs: Vec<TakenOutput>,
     },
+    /// Numbers about outputs that were compared with the truth where the network runs.
+    Measured(Value),
 }
 
 /// An output as it was given.
@@ -53,20 +74,29 @@ pub struct TakenOutput {
 }
 
 impl Take {
-    /// Takes from the outputs of a frame of this size.
+    /// Takes from the outputs of a frame of this name and size.
     ///
     /// # Errors
-    /// If there is no such output.
-    pub fn from(&self, outputs: Vec<Output>, (width, height): (usize, usize)) -> Result<Taken> {
+    /// If there is no such output, or the frame has nothing to compare it with.
+    pub fn from(&self, outputs: Vec<Output>, frame: &str, (width, height): (usize, usize)) -> Result<Taken> {
         match self {
             Self::Top { output, count } => {
-                let scores = match output {
-                    Some(name) => find(&outputs, name)?,
-                    None => outputs
-                        .first()
-                        .ok_or_else(|| Error::of(ErrorKind::Nonsense, "it gives no outputs"))?,
-                };
+                let scores = one(&outputs, output.as_deref())?;
                 Ok(Taken::Top(pdk_metrics::classification::top(&scores.values, *count)))
+            }
+            Self::Segments { output, truth } => {
+                let Output { shape, values, .. } = one(&outputs, output.as_deref())?;
+                let pixels = truth.compare(frame, shape, values)?;
+                Ok(Taken::Measured(
+                    json!({"right": pixels.right, "predicted": pixels.predicted, "labelled": pixels.labelled}),
+                ))
+            }
+            Self::Distances { output, truth } => {
+                let Output { shape, values, .. } = one(&outputs, output.as_deref())?;
+                let errors = truth.compare(frame, shape, values)?;
+                Ok(Taken::Measured(json!({
+                    "abs_rel": errors.absolute_relative, "rmse": errors.root_mean_square, "delta_1.25": errors.near,
+                })))
             }
             Self::Outputs { names } => {
                 names.iter().try_for_each(|name| find(&outputs, name).map(drop))?;
@@ -78,6 +108,14 @@ impl Take {
                 Ok(Taken::Outputs { width, height, outputs: outputs.collect() })
             }
         }
+    }
+}
+
+/// The output of a name, or the first.
+fn one<'a>(outputs: &'a [Output], name: Option<&str>) -> Result<&'a Output> {
+    match name {
+        Some(name) => find(outputs, name),
+        None => outputs.first().ok_or_else(|| Error::of(ErrorKind::Nonsense, "it gives no outputs")),
     }
 }
 
@@ -97,6 +135,7 @@ impl Taken {
         match self {
             Self::Top(classes) => classes.len(),
             Self::Outputs { outputs, .. } => outputs.iter().map(|output| output.values.len()).sum(),
+            Self::Measured(_) => 1,
         }
     }
 }
@@ -117,19 +156,19 @@ mod tests {
     #[test]
     fn the_largest_scores_are_taken_where_the_network_runs() {
         let top = |output: Option<&str>| Take::Top { output: output.map(str::to_owned), count: 2 };
-        assert_eq!(top(None).from(outputs(), (8, 6)).unwrap(), Taken::Top(vec![1, 3]));
-        assert_eq!(top(Some("other")).from(outputs(), (8, 6)).unwrap(), Taken::Top(vec![0, 1]));
-        let error = top(Some("score")).from(outputs(), (8, 6)).unwrap_err();
+        assert_eq!(top(None).from(outputs(), "a.png", (8, 6)).unwrap(), Taken::Top(vec![1, 3]));
+        assert_eq!(top(Some("other")).from(outputs(), "a.png", (8, 6)).unwrap(), Taken::Top(vec![0, 1]));
+        let error = top(Some("score")).from(outputs(), "a.png", (8, 6)).unwrap_err();
         assert_eq!(error.message(), "there is no output `score`; its outputs are `scores`, `other`");
     }
 
     #[test]
     fn outputs_travel_as_they_are_but_for_what_is_not_finite() {
-        let taken = Take::Outputs { names: vec!["other".into()] }.from(outputs(), (8, 6)).unwrap();
+        let taken = Take::Outputs { names: vec!["other".into()] }.from(outputs(), "a.png", (8, 6)).unwrap();
         assert_eq!(taken.size(), 2);
         let text = serde_json::to_string(&taken).unwrap();
         assert!(text.contains("[null,1.5]"), "{text}");
         assert_eq!(serde_json::from_str::<Taken>(&text).unwrap(), taken);
-        assert_eq!(Take::Outputs { names: Vec::new() }.from(outputs(), (8, 6)).unwrap().size(), 6);
+        assert_eq!(Take::Outputs { names: Vec::new() }.from(outputs(), "a.png", (8, 6)).unwrap().size(), 6);
     }
 }

@@ -3,6 +3,7 @@
 
 mod jpeg;
 mod png;
+pub mod samples;
 mod scan;
 mod size;
 

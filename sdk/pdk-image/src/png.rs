@@ -11,20 +11,23 @@ use png::{BitDepth, ColorType, DecodeOptions, Decoder, Info, Limits, OutputInfo,
 
 use crate::size::check_size;
 
-const DAMAGED: &str = "it is damaged";
+/// What is said of a file that cannot be read.
+pub const DAMAGED: &str = "it is damaged";
 /// What a file begins with.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// The parts of a file that make the picture, or the pictures of an animation.
 const OF_PICTURES: [&[u8; 4]; 8] = [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"acTL", b"fcTL", b"fdAT"];
 
-type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
+/// A file of which the head was read.
+pub type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
 
 /// A file of which the head was read, and how many bytes its pixels have.
 fn read(bytes: &[u8]) -> Result<(PngReader<'_>, usize)> {
     read_with(bytes, Transformations::EXPAND)
 }
 
-fn read_with(bytes: &[u8], transformations: Transformations) -> Result<(PngReader<'_>, usize)> {
+/// As [`read`], with what is done to the pixels.
+pub fn read_with(bytes: &[u8], transformations: Transformations) -> Result<(PngReader<'_>, usize)> {
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     // Of no use here, and they may be compressed a thousand times.
@@ -70,7 +73,7 @@ fn pictures(info: &Info<'_>) -> u64 {
 }
 
 /// Refuses what is more than one picture.
-fn check_still(reader: &PngReader<'_>) -> Result<()> {
+pub fn check_still(reader: &PngReader<'_>) -> Result<()> {
     match pictures(reader.info()) {
         0 | 1 => Ok(()),
         count => Err(Error::new(format!(

@@ -3,12 +3,16 @@
 //! | module | metric |
 //! |---|---|
 //! | [`classification`] | top-k, the mean corruption error (mCE) and the relative one, [`alexnet`] with the errors of the published baseline |
+//! | [`depth`] | absolute relative error, root mean square, share within a factor of 1.25 |
 //! | [`detection`] | the average precision of COCO |
+//! | [`segmentation`] | mean intersection over union (mIoU) |
 //! | [`trajectory`] | average and final displacement error (ADE, FDE) |
 
 pub mod alexnet;
 pub mod classification;
+pub mod depth;
 pub mod detection;
+pub mod segmentation;
 pub mod trajectory;
 
 // The example in the README compiles.

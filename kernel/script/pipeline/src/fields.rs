@@ -53,6 +53,11 @@ impl Fields {
         text.parse().map_err(|error: Error| error.at(&self.table))
     }
 
+    /// Whether a field is set.
+    pub fn has(&self, field: &str) -> bool {
+        self.fields.get(field).is_some_and(|value| !value.is_null())
+    }
+
     /// A field of any type; null where it is not set.
     pub fn any(&mut self, field: &str) -> Value {
         self.fields.shift_remove(field).unwrap_or_default()

@@ -2,11 +2,14 @@
 
 use mlua::{ExternalError, Function, Lua, Table, Value as LuaValue};
 use pdk_sdk::error::{Error, Result};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::bridge::{call, with_host};
 use crate::evaluation::TaskFrame;
 use crate::values::{from_lua, to_lua};
+
+/// What errors call the result of a metric.
+const RETURNED: &str = "what `score` of the task returned";
 
 /// The function `score` of the task of a request, and the request without it; none if it has none.
 ///
@@ -54,12 +57,21 @@ pub fn conduct(lua: &Lua, request: Value, score: &Function) -> mlua::Result<LuaV
 
 /// What a function returned: numbers by name.
 fn numbers(scored: &LuaValue) -> Result<Value> {
-    let place = "what `score` of the task returned";
-    let value = from_lua(scored, place)?;
-    match value.as_object() {
-        Some(numbers) if !numbers.is_empty() && numbers.values().all(Value::is_number) => Ok(value),
+    from_lua(scored, RETURNED).and_then(named)
+}
+
+/// What a metric returned, as numbers by name: a number alone is the score.
+///
+/// # Errors
+/// If it is neither a number nor a table of numbers.
+pub fn named(returned: Value) -> Result<Value> {
+    match &returned {
+        Value::Number(_) => Ok(json!({ "score": returned })),
+        Value::Object(numbers) if !numbers.is_empty() && numbers.values().all(Value::is_number) => {
+            Ok(returned)
+        }
         _ => Err(Error::new(format!(
-            "{place} is {value}, but has to be a table of numbers such as {{ error = 0.5 }}"
+            "{RETURNED} is {returned}, but has to be a number, or a table of numbers such as {{ error = 0.5 }}"
         ))),
     }
 }

@@ -60,8 +60,7 @@ impl Network {
             ));
         }
         let mut session = engine::open(&model.network(), config.text(engine::PARAMETER))?;
-        // The speed is not known here, and an input that takes it needs an assumption.
-        let sizes = model.sizes(&mut *session, f64::NAN)?;
+        let sizes = model.sizes(&mut *session, 0.0)?;
         let states: Vec<usize> = model.plan.states().collect();
         let given = (0..sizes.len())
             .filter(|output| !states.contains(output))
@@ -78,10 +77,10 @@ impl Network {
         })
     }
 
-    fn infer(&mut self, frame: Frame<'_>) -> Result<Vec<Output>> {
+    fn infer(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Vec<Output>> {
         let fitted = self.eye.fit(frame)?;
         self.eye.see(fitted.as_ref(), self.inputs.image());
-        self.inputs.move_at(f64::NAN)?;
+        self.inputs.move_at(cx.speed)?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
         let output = |(place, shape): &(usize, Vec<usize>)| {
             let values = self.outputs[*place].clone();
@@ -131,8 +130,8 @@ impl Predictor for Network {
         Ok(())
     }
 
-    fn predict(&mut self, frame: Frame<'_>, _: &DriveContext) -> Result<Vec<Output>> {
-        self.infer(frame).map_err(|error| error.at(&self.place))
+    fn predict(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Vec<Output>> {
+        self.infer(frame, cx).map_err(|error| error.at(&self.place))
     }
 
     fn info(&self) -> Vec<(String, String)> {

@@ -1,11 +1,11 @@
 //! Predictors on datasets of pictures, piece by piece.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_record::merge::EvaluatedFrames;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::describe::{Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::input_files::InputFiles;
 use serde_json::Value;
 
 use super::Host;
@@ -44,7 +44,8 @@ impl Host {
 
     /// Begins an evaluation of a predictor.
     pub(crate) fn begin_task(&mut self, request: Value) -> Result<UnderWay> {
-        let Request { dataset, mut predictor, task, mut cells, frames } = Request::from_json(request)?;
+        let Request { dataset, mut predictor, task, mut cells, frames, keep_labels } =
+            Request::from_json(request)?;
         let mut settler = self.settler();
         settler.component(Kind::Predictor, &mut predictor);
         settler.perturbations(&mut cells);
@@ -57,13 +58,15 @@ impl Host {
         let folder =
             reader.parameters.values().filter_map(Value::as_str).map(Path::new).find(|path| path.is_dir());
         let (metric, files) = Metric::read(task, folder)?;
+        if metric.is_placed() && !keep_labels {
+            self.refuse_moving(&metric, &cells)?;
+        }
         self.note_files(Kind::Dataset, &reader)?;
         self.note_files(Kind::Predictor, &predictor)?;
         for (kind, component) in components_of_all(&cells) {
             self.note_files(kind, &component)?;
         }
-        let labels: Vec<InputFiles> = files.iter().map(|file| labels(file)).collect();
-        self.record.in_use.add_input_files(&labels, &mut |_, _| Ok(()))?;
+        self.record.in_use.add_input_files(&files, &mut |_, _| Ok(()))?;
         let catalog = self.session.catalog();
         self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
         self.record.in_use.add(catalog, Kind::Predictor, &predictor.name, &predictor.parameters, info)?;
@@ -102,6 +105,22 @@ impl Host {
         })
     }
 
+    /// Refuses perturbations under which labels that say where something is would be wrong.
+    fn refuse_moving(&self, metric: &Metric, cells: &[AppliedPerturbation]) -> Result<()> {
+        let catalog = self.session.catalog();
+        for cell in cells {
+            let geometry = catalog.get(Kind::Perturbation, &cell.name)?.description.geometry;
+            if matches!(geometry, Geometry::Moved | Geometry::Altered) {
+                return Err(Error::new(format!(
+                    "perturbation `{}` moves what a picture shows, and the labels of a {} stay where they are; leave it out, write a                      perturbed dataset with `pdk corrupt`, which moves labels, or set `keep_labels` of the task",
+                    cell.name,
+                    metric.name()
+                )));
+            }
+        }
+        Ok(())
+    }
+
     /// The next pictures of an evaluation; none if all are done.
     pub(crate) fn next_piece(&mut self, under_way: &mut UnderWay) -> Result<Option<Piece>> {
         let UnderWay { run, bar, all, before, since, .. } = under_way;
@@ -136,11 +155,4 @@ impl Host {
         let summary = run.collector.finish(run.number, &run.metric, cells);
         self.conclude(&summary.bad_frames, serde_json::to_value(&summary)?, performance)
     }
-}
-
-/// A file with labels, as the manifest has it.
-fn labels(file: &Path) -> InputFiles {
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let name = file.file_name().map(PathBuf::from).unwrap_or_default();
-    InputFiles::new("labels", folder, vec![name])
 }

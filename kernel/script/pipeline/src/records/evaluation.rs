@@ -148,8 +148,12 @@ pub(super) const TASK_REQUEST: ApiRecord = ApiRecord {
         ),
         field("predictor", "string | Component", "The predictor under test, with its `model`."),
         field("task", "Task", "The metric with the labels."),
-        field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
-        field("levels", "{ number }", "The intensities at which each is applied."),
+        field(
+            "perturbations",
+            "{ string | AppliedPerturbation }?",
+            "Each is applied by itself. Without any, the pictures are evaluated as they are.",
+        ),
+        field("levels", "{ number }?", "The intensities at which each is applied."),
         field("frames", "number?", "How many pictures, from the first. The default is all."),
     ],
 };
@@ -158,24 +162,29 @@ pub(super) const TASK: ApiRecord = ApiRecord {
     name: "Task",
     doc: "A metric. Which fields there are depends on `kind`.",
     fields: &[
-        field("kind", "\"classification\" | \"detection\" | \"trajectory\" | \"function\"", "The metric."),
+        field(
+            "kind",
+            "\"classification\" | \"detection\" | \"segmentation\" | \"depth\" | \"trajectory\" | \"function\"",
+            "The metric.",
+        ),
         field(
             "labels",
             "(string | { [string]: any })?",
             "What the pictures show. Classification: `folders` (the default: the first folder of a picture's name is its class), or a \
-             table of a class for each name. Detection: a JSON file of COCO. Trajectory: a table of a \
-             list of points { x, y } for each name. Function: a table of what the function gets, by name.",
+             table of a class for each name. Detection: a JSON file of COCO, or a folder of text files of YOLO. Segmentation, depth: a folder \
+             with a file for each picture. Trajectory: a table of a list of points { x, y } for each name. Function: a table of what the function gets, by name.",
         ),
         field(
             "classes",
             "({ string } | string)?",
             "Classification: the classes in the order in which the network has them. The default is the order of their names. \
-             Detection: the output with the class of each box. The default is `classes`.",
+             Segmentation: likewise, without a default. Detection: the output with the class of each box. The default is `classes`.",
         ),
         field(
             "output",
             "string?",
-            "Classification: the output with the scores. Trajectory: the one with the points. The default is the first.",
+            "Classification: the output with the scores. Segmentation: the one with the scores of the classes or the classes of each place. \
+             Depth: the one with the distances. Trajectory: the one with the points. The default is the first.",
         ),
         field(
             "baseline",
@@ -196,12 +205,47 @@ pub(super) const TASK: ApiRecord = ApiRecord {
             "Detection: whether boxes are in `pixels` of the picture (the default), in `shares` of its size, or in pixels of the \
              network's input of this size.",
         ),
+        field(
+            "replace",
+            "{ string }?",
+            "Segmentation, depth: two texts: what the name of a picture ends with before its ending, and what that of its label ends with \
+             instead.",
+        ),
+        field(
+            "values",
+            "{ number }?",
+            "Segmentation: the value of a mask that stands for each class. The default is 0, 1, 2 and so on.",
+        ),
+        field(
+            "ignore",
+            "(number | { number } | string)?",
+            "Segmentation: the values of pixels that do not count, or `others` for all that are of no class. The default is 255.",
+        ),
+        field("unit", "number?", "Depth: the metres that 1 stands for in a label. PNG files need it."),
+        field(
+            "nearest",
+            "number?",
+            "Depth: the smallest distance that counts, in metres. The default is 0.001.",
+        ),
+        field("farthest", "number?", "Depth: the largest distance that counts. There is none by default."),
+        field(
+            "median",
+            "boolean?",
+            "Depth: whether predictions are multiplied by what gives them the median of the labels, for networks that know distances up to \
+             a factor. The default is false.",
+        ),
+        field(
+            "keep_labels",
+            "boolean?",
+            "Detection, segmentation, depth: whether labels stay where they are under perturbations that move things. The default is \
+             false: they are an error.",
+        ),
         field("outputs", "{ string }?", "Function: the outputs that it gets. The default is all."),
         field(
             "score",
             "((seen: { outputs: { [string]: { shape: { number }, values: { number } } }, label: any, name: string, width: number, \
-             height: number }) -> { [string]: number })?",
-            "Function: returns numbers about a picture, whose means are the result.",
+             height: number, recorded: { steering: number?, throttle: number? }? }) -> number | { [string]: number })?",
+            "Function: returns a number about a picture, or several by name. Their means are the result. `recorded` is what the dataset has.",
         ),
     ],
 };

@@ -2,10 +2,14 @@
 //! how good its outputs are.
 
 mod baseline;
-mod labels;
+mod classes;
+mod detection;
 mod metric;
+mod pixels;
 mod request;
 mod summary;
+mod total;
+mod trajectory;
 
 pub use metric::Metric;
 pub use request::Request;
@@ -175,7 +179,10 @@ impl TaskRun {
 
     fn measured(&self, found: EvaluatedFrame) -> Result<(String, Value), BadFrame> {
         match found {
-            EvaluatedFrame::Predicted { frame, taken } => match self.metric.measure(&frame, &taken) {
+            EvaluatedFrame::Predicted { frame, truth, taken } => match self
+                .metric
+                .measure(&frame, &truth, taken)
+            {
                 Ok(measured) => Ok((frame, measured)),
                 Err(error) => Err(BadFrame { frame, error: error.message().to_owned(), by_driver: false }),
             },

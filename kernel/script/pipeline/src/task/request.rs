@@ -20,6 +20,8 @@ pub struct Request {
     pub cells: Vec<AppliedPerturbation>,
     /// At most this many pictures, from the first.
     pub frames: Option<usize>,
+    /// Whether labels stay where they are if a perturbation moves things.
+    pub keep_labels: bool,
 }
 
 impl Request {
@@ -41,11 +43,13 @@ impl Request {
                 "pdk.evaluate: `task` is {task}, but has to be a table such as {{ kind = \"classification\" }}"
             )));
         }
+        let keep_labels = task["keep_labels"].as_bool().unwrap_or_default();
         Ok(Self {
+            keep_labels,
             dataset: dataset(&mut fields)?,
             predictor: ComponentSpec::from_json("predictor", &fields.needed("predictor")?)?,
             task,
-            cells: cells(&mut fields)?,
+            cells: if fields.has("perturbations") { cells(&mut fields)? } else { Vec::new() },
             frames: fields.whole("frames")?.map(|frames| usize::try_from(frames).unwrap_or(usize::MAX)),
         })
     }

@@ -5,7 +5,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::baseline::CorruptionErrors;
-use super::metric::{Metric, Total};
+use super::metric::Metric;
+use super::total::Total;
 use crate::evaluation::{BadFrame, TaskFrame, level_of};
 
 /// The result of an evaluation of a predictor.
