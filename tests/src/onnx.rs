@@ -200,6 +200,30 @@ fn of_means(path: &Path, height: u64, width: u64, outputs: &[(&str, Vec<Value>)]
     std::fs::write(path, model).unwrap();
 }
 
+/// Writes a network that gives a distance for each of `height` x `width` pixels: 1, and 4, 2 and 1 times red, green and blue.
+///
+/// # Panics
+/// If it cannot be written.
+pub fn distances(path: &Path, height: u64, width: u64) {
+    let tensor = |name: &str, channels: u64, content: &[f32]| {
+        let shape: Vec<u8> = [1, channels, 1, 1].iter().flat_map(|&length| number(1, length)).collect();
+        let content: Vec<u8> = content.iter().flat_map(|value| value.to_le_bytes()).collect();
+        bytes(5, &[shape, number(2, 1), bytes(8, name.as_bytes()), bytes(9, &content)].concat())
+    };
+    let graph = [
+        bytes(1, &node("Conv", ["image", "weights"], "seen")),
+        bytes(1, &node("Add", ["seen", "one"], "distance")),
+        bytes(2, b"distances"),
+        tensor("weights", 3, &[4.0, 2.0, 1.0]),
+        tensor("one", 1, &[1.0]),
+        bytes(11, &value("image", &[1, 3, height, width])),
+        bytes(12, &value("distance", &[1, 1, height, width])),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}
+
 /// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
 ///
 /// # Panics

@@ -5,6 +5,7 @@
 //! | `manifest.json` | what was run: pipeline, settings, seed, versions and hashes of all components and models |
 //! | `scenarios.jsonl` | the ledger: one line for each scenario of the closed loop |
 //! | `results.jsonl` | one line for each frame, perturbation and level of an offline evaluation |
+//! | `results.journal` | while an evaluation is under way: what is done and not among the results yet |
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
 //! | `shard.json` | in the record of a part of a run: the scenarios and evaluations of the whole |
@@ -30,6 +31,8 @@ pub const MANIFEST: &str = "manifest.json";
 pub const SCENARIOS: &str = "scenarios.jsonl";
 /// The name of the file with one line an offline result.
 pub const RESULTS: &str = "results.jsonl";
+/// The name of the file with what an evaluation has done and not put among its results yet.
+pub const JOURNAL: &str = "results.journal";
 /// The name of the file with the table at the end.
 pub const SUMMARY: &str = "summary.json";
 /// The name of the file with times.
@@ -52,7 +55,7 @@ const TRACES: &str = "traces";
 /// letters from capitals.
 pub fn is_own(name: &str) -> bool {
     let own =
-        [MANIFEST, SCENARIOS, RESULTS, SUMMARY, PERFORMANCE, SHARD, REPORT, VERDICT, CLIPS, LOCK, TRACES];
+        [MANIFEST, SCENARIOS, RESULTS, JOURNAL, SUMMARY, PERFORMANCE, SHARD, REPORT, VERDICT, CLIPS, LOCK, TRACES];
     own.iter().any(|own| own.eq_ignore_ascii_case(name))
 }
 
@@ -260,7 +263,7 @@ fn is_ours(path: &Path) -> Result<bool> {
         // A pipeline may save files of its own beside those of the kernel, and searches save tables.
         let whole = file::whole_of(&name);
         let saved = is_saved(whole.unwrap_or(&name));
-        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
+        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part", JOURNAL].contains(&&*name);
         let made_of_it = [TRACES, REPORT, CLIPS].contains(&whole.unwrap_or(&name));
         let known = name == LOCK || whole == Some(MANIFEST) || begun && (saved || lines || made_of_it);
         if !known {

@@ -22,6 +22,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy
+
 from pdk_perturb._program import Program, arguments, error
 from pdk_perturb._settings import RunSettings, SessionSettings
 from pdk_perturb.records import Record
@@ -88,6 +90,14 @@ def _caller():
     """The file with the program that runs, where there is one."""
     file = getattr(sys.modules.get("__main__"), "__file__", None)
     return [] if file is None or not Path(file).is_file() else ["--program", str(file)]
+
+
+def _seen(seen):
+    """What a metric gets, with outputs as arrays."""
+    for name, output in seen["outputs"].items():
+        seen["outputs"][name] = numpy.array(output["values"], dtype=numpy.float32).reshape(output["shape"])
+    seen.setdefault("recorded", {})
+    return seen
 
 
 class Session:
@@ -176,20 +186,35 @@ class Session:
         self,
         *,
         dataset: Component,
-        driver: Component,
-        perturbations: Sequence[Any],
-        levels: Sequence[float],
+        driver: Component | None = None,
+        predictor: Component | None = None,
+        task: Mapping[str, Any] | None = None,
+        metric: Callable[[dict[str, Any]], float | Mapping[str, float]] | None = None,
+        perturbations: Sequence[Any] = (),
+        levels: Sequence[float] = (),
         frames: int | None = None,
         tolerance: float | None = None,
-        trust: bool = False,
+        trust: bool | None = None,
     ) -> dict[str, Any]:
         """Perturbs the frames of a dataset and compares what the driver makes of them with the recorded truth.
 
         A driver that is worse than a constant on the frames as they are is an error, unless `trust` is true.
+
+        A `predictor` with a `task` takes the place of the driver, such as `{"kind": "segmentation", "labels": "masks", "classes": [...]}`.
+        `metric` is a function of your own in place of the task's: it gets a dictionary with `outputs` (arrays by name; not a number where
+        the network gave none), `label` (what `task["labels"]` has for the picture), `recorded` (the recorded steering and throttle, as
+        far as there are any), `name`, `width` and `height`, and returns a number, or several by name. Their means are the result.
         """
-        request: dict[str, Any] = {"dataset": dataset, "driver": driver, "perturbations": perturbations, "levels": levels, "trust": trust}
-        optional = {"frames": frames, "tolerance": tolerance}
-        return self._call("evaluate", {**request, **{name: value for name, value in optional.items() if value is not None}})
+        if metric is not None:
+            task = {**(task or {}), "kind": "function"}
+        request: dict[str, Any] = {"dataset": dataset, "driver": driver, "predictor": predictor, "task": task, "frames": frames}
+        request |= {"tolerance": tolerance, "trust": trust, "perturbations": list(perturbations) or None, "levels": list(levels) or None}
+        request = {name: value for name, value in request.items() if value is not None}
+        with self._lock:
+            answer = self._call("evaluate", request)
+            while metric is not None and "seen" in answer:
+                answer = self._call("scored", [metric(_seen(seen)) for seen in answer["seen"]])
+            return answer
 
     def road(self, **request: Any) -> dict[str, Any]:
         """Makes a road, as `pdk.road` does in a pipeline: `road(angles=[0, 10, -10])`, `road(turns=3, seed=1)`."""

@@ -469,3 +469,37 @@ def test_a_class_that_other_processes_cannot_find_is_refused():
     made.__module__ = "nowhere"
     with pytest.raises(pdk.Error, match="is not a class in a file"):
         pdk.driver(made)
+
+
+def test_a_metric_is_a_function(tmp_path):
+    examples = Path(__file__).parents[3] / "docs/examples"
+    request = {
+        "dataset": {"name": "pictures", "path": str(examples / "signs")},
+        "predictor": {"name": "network", "model": str(examples / "signs.onnx")},
+        "perturbations": ["gaussian_noise"],
+        "levels": [1, 4],
+    }
+    names = set()
+
+    def certainty(seen):
+        (scores,) = seen["outputs"].values()
+        assert scores.dtype == numpy.float32 and scores.shape[-1] == 5 and seen["recorded"] == {}
+        names.add(seen["name"])
+        return {"top": scores.argmax(), "known": int(seen["label"] == "a stop sign")}
+
+    with pdk.Session(out=tmp_path / "record", workers=2) as session:
+        stop = sorted(str(path.relative_to(examples / "signs")) for path in (examples / "signs/stop").iterdir())
+        task = {"labels": dict.fromkeys(stop, "a stop sign")}
+        result = session.evaluate(**request, task=task, metric=certainty)
+        alone = session.evaluate(**{**request, "perturbations": [], "levels": []}, metric=lambda seen: len(seen["name"]))
+        built_in = session.evaluate(**request, task={"kind": "classification"})
+        with pytest.raises(pdk.Error, match="has to be a number, or a table of numbers"):
+            session.evaluate(**request, metric=lambda seen: "good")
+        with pytest.raises(ZeroDivisionError):
+            session.evaluate(**request, metric=lambda seen: 1 / 0)
+        after = session.evaluate(**{**request, "frames": 2}, metric=lambda seen: 1)
+    totals = {total["name"]: total["value"] for total in result["original"]}
+    assert totals["known"] == pytest.approx(len(stop) / result["frames"]) and len(result["rows"]) == 2
+    assert len(names) == result["frames"] == built_in["frames"]
+    assert [total["name"] for total in alone["original"]] == ["score"] and alone["rows"] == []
+    assert built_in["task"] == "classification" and after["original"][0]["value"] == 1

@@ -281,18 +281,7 @@ fn recordings_stay_recordings_and_mirrors_turn_the_steering() {
         json!({"created_at": 1.0, "line_lengths": [1], "start_index": 0}).to_string(),
     )
     .unwrap();
-    let script = "return { doc = 'Mirror', apply = function(image, cx)
-            local pixels, width = image.pixels, image.width
-            for y = 0, image.height - 1 do for x = 0, width // 2 - 1 do for c = 0, 2 do
-                local a, b = (y * width + x) * 3 + c, (y * width + width - 1 - x) * 3 + c
-                local left = buffer.readu8(pixels, a)
-                buffer.writeu8(pixels, a, buffer.readu8(pixels, b))
-                buffer.writeu8(pixels, b, left)
-            end end end
-        end,
-        move_point = function(x, y, width) return width - 1 - x, y end,
-        source_point = function(x, y, width) return width - 1 - x, y end }";
-    fs::write(folder.path().join("mirror.lua"), script).unwrap();
+    fs::write(folder.path().join("mirror.lua"), MIRROR).unwrap();
     let with = ["--with", "mirror@1,rotate_image@4,raindrops_on_lens@2", "--plugins", "mirror.lua"];
     let done = corrupt(folder.path(), "drive", &with, "out").arg("--json").succeed().json();
     assert_eq!(done["read_as"], "a recording, read by `tub`");
@@ -345,6 +334,64 @@ fn recordings_stay_recordings_and_mirrors_turn_the_steering() {
         .fail(1, &["name their pictures"]);
     corrupt(folder.path(), "nowhere", &["--with", "fog_filter@1"], "x")
         .fail(1, &["neither a folder nor a dataset reader"]);
+}
+
+/// A plugin that mirrors pictures.
+const MIRROR: &str = "return { doc = 'Mirror', apply = function(image, cx)
+        local pixels, width = image.pixels, image.width
+        for y = 0, image.height - 1 do for x = 0, width // 2 - 1 do for c = 0, 2 do
+            local a, b = (y * width + x) * 3 + c, (y * width + width - 1 - x) * 3 + c
+            local left = buffer.readu8(pixels, a)
+            buffer.writeu8(pixels, a, buffer.readu8(pixels, b))
+            buffer.writeu8(pixels, b, left)
+        end end end
+    end,
+    move_point = function(x, y, width) return width - 1 - x, y end,
+    source_point = function(x, y, width) return width - 1 - x, y end }";
+
+#[test]
+fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
+    let folder = temp();
+    fs::write(folder.path().join("mirror.lua"), MIRROR).unwrap();
+    let data = folder.path().join("log");
+    fs::create_dir(&data).unwrap();
+    let mut table = "image, note,Angle ,speed\r\n".to_owned();
+    let angles = ["-12.50", "0", "\"3.25\"", "25.0", "-0.50", "7"];
+    for (number, angle) in angles.iter().enumerate() {
+        pictures::road(48, 32, number as u32).save(data.join(format!("{number}.png"))).unwrap();
+        table += &format!("{number}.png,\"a, b\", {angle} ,5.5\r\n");
+    }
+    fs::write(data.join("log.csv"), &table).unwrap();
+    let with = ["--with", "mirror@1", "--plugins", "mirror.lua"];
+    // The angles are beyond full lock, so that it is not read as a recording: what would be written would be wrong.
+    corrupt(folder.path(), "log", &with, "refused")
+        .fail(1, &["mirrors the frames", "full_lock", "--labels keep"]);
+    assert!(!folder.path().join("refused/mirror").exists());
+    let done = corrupt(folder.path(), "log", &["--with", "fog_filter@1"], "fog").succeed();
+    assert!(done.stderr.contains("is read as a folder of pictures, not as a recording"), "{}", done.stderr);
+
+    let dataset = "csv,path=log,full_lock=25";
+    corrupt(folder.path(), dataset, &with, "out").succeed();
+    let turned = fs::read_to_string(folder.path().join("out/mirror/1/log.csv")).unwrap();
+    let expected = ["12.50", "0", "\"-3.25\"", "-25.0", "0.50", "-7"];
+    let rest = |text: &str, angles: &[&str]| {
+        angles.iter().enumerate().fold(text.to_owned(), |text, (number, angle)| {
+            text.replacen(
+                &format!("{number}.png,\"a, b\", {angle} ,"),
+                &format!("{number}.png,\"a, b\", ANGLE ,"),
+                1,
+            )
+        })
+    };
+    assert_eq!(turned.matches("ANGLE").count(), 0);
+    assert_eq!(rest(&turned, &expected), rest(&table, &angles));
+    assert_eq!(rest(&turned, &expected).matches("ANGLE").count(), angles.len());
+    // Without a mirror it stays as it is, byte for byte.
+    corrupt(folder.path(), dataset, &["--with", "fog_filter@1"], "fogged").succeed();
+    assert_eq!(fs::read_to_string(folder.path().join("fogged/fog_filter/1/log.csv")).unwrap(), table);
+    // Pictures of several cameras would have to change places.
+    pictures::road(48, 32, 9).save(data.join("left_0.png")).unwrap();
+    corrupt(folder.path(), dataset, &with, "cameras").fail(1, &["several cameras", "--plain"]);
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod geometry;
 mod masks;
 mod networks;
 mod offline;
+mod pixel_tasks;
 mod saliency;
 mod sequences;
 mod strength;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::records::{assert_equal, files, trace, wait_for_scenarios};
+use pdk_tests::records::{assert_equal, files, trace, wait_for_lines, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
 
 /// Two drives of eight scenarios each, of which the second needs what the first returned.
@@ -219,6 +219,38 @@ fn an_offline_run_goes_on_behind_the_last_whole_frame() {
     let ran = again();
     assert!(!ran.stdout.contains("perturbed frames"), "nothing is left to do: {}", ran.stdout);
     assert_equal(&out, &expected);
+}
+
+#[test]
+fn a_killed_offline_run_loses_only_what_was_under_way() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 1100, 24, 16);
+    let source = r#"
+        pdk.evaluate({ dataset = pdk.path("data"), driver = "misbehave", levels = { 2, 4 }, trust = true,
+            perturbations = { "contrast", "gaussian_noise", "gaussian_blur", "poisson_noise" } })
+    "#;
+    let script = pipeline(folder.path(), source);
+    let (undisturbed, out) = (folder.path().join("undisturbed"), folder.path().join("record"));
+    run(&script, &undisturbed).misbehave().succeed();
+    assert!(!undisturbed.join("results.journal").exists());
+    let mut child = run(&script, &out).misbehave().spawn();
+    // The frames as they are, in three pieces, and two of the eight cells of the first piece.
+    wait_for_lines(&mut child, &out.join("results.journal"), 5);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let known = fs::read_to_string(out.join("results.journal")).unwrap();
+    assert!(!out.join("summary.json").exists(), "it was over before it was killed");
+    let known = known.lines().count();
+    let ran = run(&script, &out).misbehave().succeed();
+    let driven: usize = ran
+        .stdout
+        .lines()
+        .find_map(|line| line.split_once(" perturbed frames in ")?.0.parse().ok())
+        .unwrap_or_else(|| panic!("{}", ran.stdout));
+    // Of a piece that is among the results already there are no lines any more.
+    assert!(driven <= 1100 * 8 - 2 * 500 || known < 5, "{driven} of {}", 1100 * 8);
+    assert!(!out.join("results.journal").exists());
+    assert_equal(&out, &files(&undisturbed));
 }
 
 #[test]

@@ -33,6 +33,7 @@ use self::record::RunRecord;
 use self::scenarios::Scenarios;
 use self::searches::Searches;
 pub use self::setup::Setup;
+pub(crate) use self::tasks::UnderWay;
 use crate::requests::Defaults;
 use crate::run_settings::{RUN_SETTINGS, Setting};
 use crate::settings;

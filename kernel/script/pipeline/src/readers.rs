@@ -5,6 +5,20 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 
 use pdk_components::catalog::Catalog;
 
+/// Why no reader opened a folder or file.
+pub struct Unopened {
+    /// Their reasons.
+    pub error: Error,
+    /// Whether one recognised it as a recording that it reads, and could not read it.
+    pub recognised: bool,
+}
+
+impl From<Unopened> for Error {
+    fn from(unopened: Unopened) -> Self {
+        unopened.error
+    }
+}
+
 /// Opens a folder or file with the first dataset reader that can. `make` makes an instance of one.
 ///
 /// # Errors
@@ -13,7 +27,7 @@ pub fn open<T>(
     catalog: &Catalog,
     path: &str,
     mut make: impl FnMut(&ComponentSpec) -> Result<T>,
-) -> Result<(ComponentSpec, T)> {
+) -> Result<(ComponentSpec, T), Unopened> {
     let mut failed = Vec::new();
     let mut unsuitable = Vec::new();
     for reader in catalog.readers(path) {
@@ -29,9 +43,11 @@ pub fn open<T>(
             }
         }
     }
-    let reasons = if failed.is_empty() { unsuitable } else { failed };
-    Err(Error::new(match reasons.is_empty() {
+    let recognised = !failed.is_empty();
+    let reasons = if recognised { failed } else { unsuitable };
+    let error = Error::new(match reasons.is_empty() {
         true => format!("cannot open the dataset {path}: no dataset reader is installed"),
         false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
-    }))
+    });
+    Err(Unopened { error, recognised })
 }

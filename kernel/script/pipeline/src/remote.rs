@@ -23,6 +23,7 @@ use crate::host::Host;
 use crate::host::driving::stop_if_dropped;
 use crate::requests::Defaults;
 use crate::run::{Options, Script, start};
+use crate::scored::{Scoring, Step};
 use crate::tickets::Tickets;
 use crate::values::from_program;
 
@@ -48,6 +49,8 @@ enum Call {
     Next {},
     /// `pdk.evaluate`.
     Evaluate(Unique),
+    /// What the function of a task returned for a picture; returns the next one, or the result.
+    Scored(Vec<Value>),
     /// `pdk.save`.
     Save { name: String, value: Unique },
     /// `pdk.road`.
@@ -103,13 +106,15 @@ pub fn serve(program: Option<PathBuf>, options: Options) -> Result<Finished> {
     listen(Some(sender))?;
     let host = start(script, Box::new(Vec::new), options)?;
     tell(&Told::Ready { protocol: VERSION, pdk: env!("CARGO_PKG_VERSION"), slots: host.slots() });
-    let mut server = Server { defaults: host.defaults(), host, tickets: Tickets::new("wait") };
+    let mut server = Server { defaults: host.defaults(), host, scoring: None, tickets: Tickets::new("wait") };
     let ended = server.serve(&calls);
     Ok(server.host.finish(ended))
 }
 
 struct Server {
     host: Host,
+    /// An evaluation whose function has a picture.
+    scoring: Option<Box<Scoring>>,
     defaults: Defaults,
     tickets: Tickets,
 }
@@ -138,7 +143,7 @@ impl Server {
     }
 
     fn call(&mut self, call: Call) -> Result<Value> {
-        let Self { host, defaults, tickets } = self;
+        let Self { host, defaults, tickets, scoring } = self;
         match call {
             Call::Settings(Unique(given)) => host.settings(from_program(given)),
             Call::Defaults(Unique(given)) => {
@@ -163,7 +168,23 @@ impl Server {
                 tickets.ticket(&outcome["ticket"]).into_iter().for_each(|ticket| host.hand_over(ticket));
                 Ok(outcome)
             }
-            Call::Evaluate(Unique(request)) => host.evaluate(from_program(request)),
+            Call::Evaluate(Unique(request)) => {
+                let request = from_program(request);
+                // One that failed is over.
+                *scoring = None;
+                match request["task"]["kind"] == "function" {
+                    true => Ok(answer(Scoring::begin(host, request)?, scoring)),
+                    false => host.evaluate(request),
+                }
+            }
+            Call::Scored(returned) => {
+                let under_way = scoring.take().ok_or_else(|| {
+                    Error::new(
+                        "`scored` has no picture; call `evaluate` with a task of the kind `function` first",
+                    )
+                })?;
+                Ok(answer(under_way.go_on(host, returned)?, scoring))
+            }
             Call::Save { name, value: Unique(value) } => {
                 host.save(&name.into(), &value).map(|()| Value::Null)
             }
@@ -174,6 +195,17 @@ impl Server {
             Call::Catalog {} => host.catalog(),
             Call::End {} => Ok(Value::Null),
         }
+    }
+}
+
+/// What a program is told of an evaluation with a function of its own.
+fn answer(step: Step, scoring: &mut Option<Box<Scoring>>) -> Value {
+    match step {
+        Step::Picture(under_way, seen) => {
+            *scoring = Some(under_way);
+            json!({ "seen": seen })
+        }
+        Step::Finished(result) => result,
     }
 }
 

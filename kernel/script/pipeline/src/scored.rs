@@ -1,4 +1,5 @@
-//! An evaluation whose metric is a function of the pipeline: the function gets the outputs for each picture, and returns numbers.
+//! An evaluation whose metric is a function of the pipeline: the function gets the outputs for each picture, and returns numbers. A
+//! pipeline that is another program gets them picture by picture, and says what its function returned.
 
 use mlua::{ExternalError, Function, Lua, Table, Value as LuaValue};
 use pdk_sdk::error::{Error, Result};
@@ -6,6 +7,8 @@ use serde_json::{Value, json};
 
 use crate::bridge::{call, with_host};
 use crate::evaluation::TaskFrame;
+use crate::host::{Host, UnderWay};
+use crate::task::Piece;
 use crate::values::{from_lua, to_lua};
 
 /// What errors call the result of a metric.
@@ -53,6 +56,73 @@ pub fn conduct(lua: &Lua, request: Value, score: &Function) -> mlua::Result<LuaV
         with_host(lua, |host| host.keep_piece(&mut run, piece))?;
     }
     call(lua, |host| host.finish_task(run))
+}
+
+/// An evaluation of a program whose function has a picture.
+pub struct Scoring {
+    run: UnderWay,
+    piece: Piece,
+    /// The place of the picture in the piece.
+    at: usize,
+}
+
+/// What a program gets.
+pub enum Step {
+    /// What was seen of a picture: as it is, and under each perturbation.
+    Picture(Box<Scoring>, Value),
+    /// What all pictures came to.
+    Finished(Value),
+}
+
+impl Scoring {
+    /// Begins an evaluation.
+    ///
+    /// # Errors
+    /// If the request is not one, or the session is over.
+    pub fn begin(host: &mut Host, request: Value) -> Result<Step> {
+        let run = host.begin_task(request)?;
+        Self::next_piece(host, run)
+    }
+
+    fn next_piece(host: &mut Host, mut run: UnderWay) -> Result<Step> {
+        match host.next_piece(&mut run)? {
+            Some(piece) => Self { run, piece, at: 0 }.step(host),
+            None => Ok(Step::Finished(host.finish_task(run)?)),
+        }
+    }
+
+    /// The next picture that could be evaluated.
+    fn step(mut self, host: &mut Host) -> Result<Step> {
+        while let Some(frame) = self.piece.frames.get(self.at) {
+            if let TaskFrame::Good { original, perturbed, .. } = frame {
+                let seen = std::iter::once(original).chain(perturbed).cloned().collect();
+                return Ok(Step::Picture(Box::new(self), seen));
+            }
+            self.at += 1;
+        }
+        host.keep_piece(&mut self.run, self.piece)?;
+        Self::next_piece(host, self.run)
+    }
+
+    /// Goes on with what the function returned for the picture as it is and under each perturbation.
+    ///
+    /// # Errors
+    /// If that are not as many numbers, or the session is over.
+    pub fn go_on(mut self, host: &mut Host, returned: Vec<Value>) -> Result<Step> {
+        if let Some(TaskFrame::Good { original, perturbed, .. }) = self.piece.frames.get_mut(self.at) {
+            let (wanted, given) = (perturbed.len() + 1, returned.len());
+            if given != wanted {
+                return Err(Error::new(format!(
+                    "`scored` has {given} results, but has to have {wanted}, one for each that was seen of the picture"
+                )));
+            }
+            for (kept, returned) in std::iter::once(original).chain(perturbed).zip(returned) {
+                *kept = named(returned)?;
+            }
+        }
+        self.at += 1;
+        self.step(host)
+    }
 }
 
 /// What a function returned: numbers by name.

@@ -1,16 +1,20 @@
 //! Whether the labels of a dataset can be moved along under all conditions.
 
+use std::path::Path;
+
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_labels::Labels;
 use pdk_sdk::describe::{Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 
 use crate::conditions::Condition;
-use crate::contents::Role;
+use crate::contents::{LARGEST_LABELS, Role};
+use crate::labels::table;
 use crate::options::{Format, LabelsOption, Options};
-use crate::source::Source;
+use crate::source::{Source, steerings};
 
 /// Whether each condition moves things.
 ///
@@ -37,6 +41,9 @@ pub fn checked(
         return Err(Error::new(format!(
             "the records of `{dataset}` name their pictures, which keep their names; leave --format out, or add --plain"
         )));
+    }
+    if let Some(unread) = &source.unread {
+        warnings.push(format!("`{dataset}` is read as a folder of pictures, not as a recording: {unread}"));
     }
     let mut moves = Vec::with_capacity(conditions.len());
     let mut sequence = false;
@@ -69,7 +76,7 @@ pub fn checked(
                      --labels drop"
                 )));
             }
-            mirrored_steering(dataset, source, &mut chain, name)?;
+            mirrored_steering(registry, dataset, source, &mut chain, name)?;
         }
         moves.push(moved);
     }
@@ -100,16 +107,51 @@ fn may_be_labels(name: &str) -> bool {
 }
 
 /// Refuses to mirror a recording whose steering stands where pdk does not write it.
-fn mirrored_steering(dataset: &str, source: &Source, chain: &mut Chain, name: &str) -> Result<()> {
-    let written = source.root.is_none() || source.contents.of_role(Role::Records).next().is_some();
-    if source.reader.is_none() || written {
+fn mirrored_steering(
+    registry: &Registry,
+    dataset: &str,
+    source: &Source,
+    chain: &mut Chain,
+    name: &str,
+) -> Result<()> {
+    let may_be_steered = source.reader.is_some() || source.unread.is_some();
+    let written = source.reader.is_some() && source.root.is_none()
+        || source.contents.of_role(Role::Records).next().is_some();
+    if !may_be_steered
+        || written
+        || !Labels::new(chain, [160, 120], &Moment::new(0, 0.0).alone()).mirrors()?
+    {
         return Ok(());
     }
-    if Labels::new(chain, [160, 120], &Moment::new(0, 0.0).alone()).mirrors()? {
+    let mirrors = format!("perturbation `{name}` mirrors the frames, so that steering changes its sign");
+    if let Some(unread) = &source.unread {
         return Err(Error::new(format!(
-            "perturbation `{name}` mirrors the frames, so that steering changes its sign, which pdk does not write into the files of \
-             `{dataset}`; add --plain to write pictures with a record beside each"
+            "{mirrors}, and `{dataset}` cannot be read as a recording ({unread}); name its reader with parameters that fit, or use \
+             --labels keep"
         )));
     }
-    Ok(())
+    let Some(table) = source.contents.of_role(Role::Table).next() else {
+        return Err(Error::new(format!(
+            "{mirrors}, which pdk does not write into the files of `{dataset}`; add --plain to write pictures with a record beside each"
+        )));
+    };
+    turnable(registry, source, table).map_err(|error| {
+        Error::new(format!(
+            "{mirrors}, which cannot be written into `{table}` of `{dataset}` ({}); add --plain to write pictures with a record beside each",
+            error.message()
+        ))
+    })
+}
+
+/// Whether the steering in a table can be turned: it is found, and no row has pictures of several cameras, which would change places.
+fn turnable(registry: &Registry, source: &Source, table: &str) -> Result<()> {
+    let Some(reader) = &source.reader else { return Ok(()) };
+    let pictures = source.contents.of_role(Role::Picture).count();
+    if pictures > source.frames.len() {
+        return Err(Error::new("it has pictures of several cameras, which would change places"));
+    }
+    let mut dataset = registry.dataset(&reader.name, &reader.parameters)?.0;
+    let steering = steerings(dataset.as_mut());
+    let path = source.root.as_deref().unwrap_or(Path::new("")).join(table);
+    table::check(&file::read_text(&path, LARGEST_LABELS)?, &steering)
 }

@@ -31,6 +31,8 @@ pub enum Role {
     Coco,
     /// Records with steering.
     Records,
+    /// A table with the steering of all frames.
+    Table,
     /// The lengths of the lines of a file of records.
     Lengths,
     /// Labels that pdk knows but cannot move.
@@ -48,7 +50,7 @@ impl Role {
             Self::Yolo => "label files with a box or polygon a line",
             Self::Lines => "label files with a line of points a line",
             Self::Coco => "COCO annotations",
-            Self::Records | Self::Lengths => "records with steering",
+            Self::Records | Self::Table | Self::Lengths => "records with steering",
             Self::Fixed => "labels in XML",
             Self::Other => "other files",
         }

@@ -138,11 +138,12 @@ fn units(source: &Source, conditions: usize, options: &Options) -> Vec<Unit> {
     }
     let roles = || source.contents.roles.iter();
     let kept = |role: Role| {
-        let label = role.is_placed() || matches!(role, Role::Records | Role::Lengths);
+        let label = role.is_placed() || matches!(role, Role::Records | Role::Table | Role::Lengths);
         !(label && options.labels == LabelsOption::Drop)
     };
-    let alone =
-        |role: Role| matches!(role, Role::Coco | Role::Records | Role::Lengths | Role::Fixed | Role::Other);
+    let alone = |role: Role| {
+        matches!(role, Role::Coco | Role::Records | Role::Table | Role::Lengths | Role::Fixed | Role::Other)
+    };
     let mut others: Vec<_> = roles().filter(|(_, role)| alone(**role) && kept(**role)).collect();
     others.sort_by_key(|(_, role)| **role != Role::Coco);
     let others = others

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`conditions`] | which perturbations at which levels, and the folder of each |
 //! | `contents` | what the files of a dataset are: pictures, labels that are understood, others |
-//! | `labels` | labels in files, moved: `coco`, `yolo`, `lines`, `mask`, `records`; `rle` packs masks |
+//! | [`labels`] | labels in files, moved: `coco`, `yolo`, `lines`, `mask`, `records`, `table`; `rle` packs masks |
 //! | `unit` | a file of the dataset under all conditions, done by one worker |
 //! | `source` | a folder of pictures, or a recording that a reader opens |
 //! | `checks` | whether labels can be moved along |
@@ -16,7 +16,7 @@ mod checks;
 pub mod conditions;
 mod contents;
 pub mod corrupt;
-mod labels;
+pub mod labels;
 mod manifest;
 pub mod options;
 mod source;

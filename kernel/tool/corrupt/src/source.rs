@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
+use pdk_pipeline::readers::{self, Unopened};
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::Dataset;
 
-use crate::contents::{Contents, is_picture};
+use crate::contents::{Contents, Role, is_picture};
 use crate::options::Options;
 
 /// A dataset as it was found.
@@ -28,6 +29,8 @@ pub struct Source {
     pub count: usize,
     /// The files that the reader reads.
     pub listed: BTreeSet<String>,
+    /// Why a folder that looks like a recording is not read as one.
+    pub unread: Option<Error>,
 }
 
 /// Finds out what a dataset is: a recording, if a reader is named or one opens it and finds records beside its pictures; else a folder of
@@ -43,25 +46,23 @@ pub fn source(registry: &Registry, dataset: &str, options: &Options) -> Result<S
         }
         return recording(registry, reader, options);
     }
-    for reader in registry.catalog().readers(dataset) {
-        // Most readers refuse what is for another one.
-        let Ok(files) = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters) else {
-            continue;
-        };
-        let is_record = |name: &PathBuf| !is_picture(&name.to_string_lossy());
-        if (path.is_file() || files.iter().any(|files| files.names.iter().any(is_record)))
-            && registry
-                .dataset(&reader.name, &reader.parameters)
-                .is_ok_and(|(dataset, _)| path.is_file() || is_driven(dataset))
-        {
-            return recording(registry, reader, options);
+    let opened = readers::open(registry.catalog(), dataset, |reader| {
+        let (found, _) = registry.dataset(&reader.name, &reader.parameters)?;
+        if path.is_file() {
+            return Ok(());
         }
-    }
-    if path.is_file() {
-        return Err(Error::new(format!(
-            "no dataset reader opens `{dataset}`; `pdk list dataset` names the readers"
-        )));
-    }
+        let files = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters)?;
+        let is_record = |name: &PathBuf| !is_picture(&name.to_string_lossy());
+        match files.iter().any(|files| files.names.iter().any(is_record)) && is_driven(found) {
+            true => Ok(()),
+            false => Err(Error::of(ErrorKind::Unsuitable, "nothing was recorded beside its pictures")),
+        }
+    });
+    let unread = match opened {
+        Ok((reader, ())) => return recording(registry, reader, options),
+        Err(Unopened { error, .. }) if path.is_file() => return Err(error),
+        Err(Unopened { error, recognised }) => recognised.then_some(error),
+    };
     let contents = Contents::of(path, &options.masks)?;
     Ok(Source {
         read_as: "a folder of pictures".to_owned(),
@@ -71,6 +72,7 @@ pub fn source(registry: &Registry, dataset: &str, options: &Options) -> Result<S
         frames: BTreeMap::new(),
         count: 0,
         listed: BTreeSet::new(),
+        unread,
     })
 }
 
@@ -79,6 +81,11 @@ fn is_driven(mut dataset: Box<dyn Dataset>) -> bool {
     const LOOKED_AT: usize = 5;
     (0..dataset.len().min(LOOKED_AT))
         .any(|index| dataset.read(index).is_ok_and(|entry| entry.steering.is_finite()))
+}
+
+/// The steering of each frame; not a number if it has none, or cannot be read.
+pub fn steerings(dataset: &mut dyn Dataset) -> Vec<f64> {
+    (0..dataset.len()).map(|index| dataset.read(index).map_or(f64::NAN, |entry| entry.steering)).collect()
 }
 
 /// A recording, whose frames may be files of a folder.
@@ -93,6 +100,7 @@ fn recording(registry: &Registry, reader: ComponentSpec, options: &Options) -> R
         count,
         listed: BTreeSet::new(),
         reader: None,
+        unread: None,
     };
     let files = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters)?;
     source.reader = Some(reader);
@@ -101,7 +109,13 @@ fn recording(registry: &Registry, reader: ComponentSpec, options: &Options) -> R
         return Ok(source);
     }
     source.listed = files.names.iter().map(|name| name.display().to_string()).collect();
-    let contents = Contents::of(&files.folder, &options.masks)?;
+    let mut contents = Contents::of(&files.folder, &options.masks)?;
+    for (name, role) in &mut contents.roles {
+        let is_table = [".csv", ".tsv"].iter().any(|ending| name.to_ascii_lowercase().ends_with(ending));
+        if is_table && source.listed.contains(name) {
+            *role = Role::Table;
+        }
+    }
     let mut frames = BTreeMap::new();
     for index in 0..count {
         let name = dataset.name(index);

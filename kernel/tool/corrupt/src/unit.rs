@@ -20,9 +20,10 @@ use serde_json::{Value, json};
 
 use crate::conditions::Condition;
 use crate::contents::{Contents, LARGEST_LABELS, Role};
-use crate::labels::{coco, lines, mask, records, yolo};
+use crate::labels::{coco, lines, mask, records, table, yolo};
 use crate::manifest::Written;
 use crate::options::{Format, LabelsOption, Options};
+use crate::source::steerings;
 
 /// What all workers share.
 pub struct Job<'a> {
@@ -362,6 +363,7 @@ impl<'a> Worker<'a> {
             let text = || String::from_utf8(bytes.clone()).map_err(|_| Error::new("it is not text"));
             match role {
                 Role::Coco if moves || renamed => worker.coco(name, &text()?, condition, moves),
+                Role::Table if moves => worker.table(&text()?, condition).map(String::into_bytes),
                 Role::Records if moves => worker.records(name, &text()?, condition).map(String::into_bytes),
                 Role::Lengths if moves => {
                     let of = name.trim_end_matches("_manifest");
@@ -407,6 +409,19 @@ impl<'a> Worker<'a> {
             }
         }
         Ok(serde_json::to_vec(&document)?)
+    }
+
+    fn table(&mut self, text: &str, condition: &Condition) -> Result<String> {
+        let job = self.job;
+        let dataset = self.dataset.as_deref_mut().ok_or_else(|| Error::new("there is no reader for it"))?;
+        let steering = steerings(dataset);
+        let by_frame: BTreeMap<usize, &String> =
+            job.frames.iter().map(|(name, frame)| (*frame, name)).collect();
+        table::moved(text, &steering, &mut |frame| {
+            let picture = by_frame.get(&frame).ok_or_else(|| Error::new("a frame has no picture"))?;
+            let situation = self.situation(picture)?;
+            self.mirrored(condition, &situation)
+        })
     }
 
     fn records(&mut self, name: &str, text: &str, condition: &Condition) -> Result<String> {

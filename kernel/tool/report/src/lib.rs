@@ -43,6 +43,7 @@ mod search;
 mod strategies;
 pub mod tables;
 mod tally;
+mod tasks;
 mod text;
 mod tracks;
 mod view;

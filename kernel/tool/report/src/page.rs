@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::closed_loop::failing::{self, TOGETHER};
 use crate::text::{count, date, number, percent};
 use crate::view::{Drive, DriveTimes, EvaluateTimes, Run};
-use crate::{closed_loop, color, compare, offline, overview, road, search, strategies};
+use crate::{closed_loop, color, compare, offline, overview, road, search, strategies, tasks};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
@@ -30,7 +30,7 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 10] = [
+const TEMPLATES: [(&str, &str); 11] = [
     ("page.html", include_str!("template/page.html")),
     ("overview.html", include_str!("template/overview.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
@@ -40,6 +40,7 @@ const TEMPLATES: [(&str, &str); 10] = [
     ("parts.html", include_str!("template/parts.html")),
     ("provenance.html", include_str!("template/provenance.html")),
     ("style.css", include_str!("template/style.css")),
+    ("tasks.html", include_str!("template/tasks.html")),
     ("page.js", include_str!("template/page.js")),
 ];
 
@@ -63,6 +64,7 @@ pub fn render(run: &Run) -> Result<String> {
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     let several = run.evaluations.len() > 1;
     verdict.extend(run.evaluations.iter().flat_map(|evaluation| offline::verdict(evaluation, several)));
+    verdict.extend(run.tasks.iter().map(tasks::verdict));
     verdict.extend(run.searches.iter().flat_map(search::verdict));
     let comparisons = strategies::comparisons(&run.searches)?;
     let searches = run.searches.iter().map(search::section).collect::<Result<Vec<_>>>()?;
@@ -93,6 +95,7 @@ pub fn render(run: &Run) -> Result<String> {
         overview,
         drives,
         evaluations,
+        tasks => run.tasks.iter().map(tasks::section).collect::<Vec<_>>(),
         comparisons,
         pairs,
         others => run.others,
@@ -259,6 +262,16 @@ mod tests {
                     })
                     .to_vec(),
                 worst: vec![WorstFrame { frame: nasty(), perturbation: nasty(), ..WorstFrame::default() }],
+            }],
+            tasks: vec![Task {
+                name: nasty(),
+                numbers: vec![TaskNumber {
+                    name: nasty(),
+                    original: Some(0.5),
+                    cells: vec![(nasty(), 1.0, 0.25)],
+                }],
+                bad_frames: vec![(nasty(), nasty())],
+                ..Task::default()
             }],
             searches: vec![Search {
                 name: nasty(),

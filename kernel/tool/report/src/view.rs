@@ -21,6 +21,8 @@ pub struct Run {
     pub drives: Vec<Drive>,
     /// What was evaluated on recordings.
     pub evaluations: Vec<Evaluation>,
+    /// What was evaluated on pictures with predictors.
+    pub tasks: Vec<Task>,
     /// What was searched.
     pub searches: Vec<Search>,
     /// How long driving took, all scenarios together; none if nothing was driven.
@@ -228,6 +230,32 @@ pub struct WorstFrame {
     pub original: f64,
     /// With it.
     pub perturbed: f64,
+}
+
+/// What perturbations do to a predictor.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Task {
+    /// The number of the evaluation in the run.
+    pub number: u64,
+    /// The metric.
+    pub name: String,
+    /// Pictures that were evaluated.
+    pub frames: usize,
+    /// The numbers of the metric.
+    pub numbers: Vec<TaskNumber>,
+    /// Names of pictures that could not be evaluated, with the reason.
+    pub bad_frames: Vec<(String, String)>,
+}
+
+/// A number of a metric.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct TaskNumber {
+    /// What it is.
+    pub name: String,
+    /// The number without perturbation.
+    pub original: Option<f64>,
+    /// For perturbations and levels the number under them.
+    pub cells: Vec<(String, f64, f64)>,
 }
 
 /// How long driving took.

@@ -3,7 +3,7 @@
 
 use pdk_network::Given;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::json;
+use pdk_sdk::serde_json::{Value, json};
 
 use super::{Dave2, Dave2Augmented, Dave2Temporal, Dave2Tub, Onnx};
 use crate::engine;
@@ -22,14 +22,63 @@ pub fn content(name: &str) -> Option<&'static [u8]> {
     ALL.iter().find(|(known, _)| *known == name).map(|(_, content)| *content)
 }
 
-/// Makes the driver of a network of this plugin.
-///
-/// # Errors
-/// If the engine cannot run it.
-pub fn open(name: &str, content: &'static [u8], config: &Config) -> Result<Onnx> {
-    let mut given = Given::default();
-    own_description(&mut given);
-    Onnx::open(Source::BuiltIn(content.into()), name, given, config.text(engine::PARAMETER))
+/// The parameter with the speed that stands for one that is not known.
+const SPEED: &str = "speed";
+/// The highest such speed, in metres per second.
+const FASTEST: f64 = 100.0;
+
+/// A network of this plugin that drives.
+pub struct Trained {
+    name: &'static str,
+    network: Onnx,
+    /// The speed that stands for one that is not known.
+    assumed: Option<f64>,
+}
+
+impl Trained {
+    /// Makes the driver.
+    ///
+    /// # Errors
+    /// If the engine cannot run the network, or the speed is not one.
+    pub fn open(name: &'static str, content: &'static [u8], config: &Config) -> Result<Self> {
+        let assumed = match config.value(SPEED) {
+            Value::Null => None,
+            given => {
+                Some(given.as_f64().filter(|speed| (0.0..=FASTEST).contains(speed)).ok_or_else(|| {
+                    Error::new(format!(
+                        "`{SPEED}` is {given}, but has to be a number of m/s from 0 to {FASTEST}"
+                    ))
+                })?)
+            }
+        };
+        let mut given = Given::default();
+        own_description(&mut given);
+        let network =
+            Onnx::open(Source::BuiltIn(content.into()), name, given, config.text(engine::PARAMETER))?;
+        Ok(Self { name, network, assumed })
+    }
+}
+
+impl Driver for Trained {
+    fn reset(&mut self) -> Result<()> {
+        self.network.reset()
+    }
+
+    fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        let known = Some(cx.speed).filter(|speed| speed.is_finite()).or(self.assumed);
+        let speed = known.ok_or_else(|| {
+            Error::new(format!(
+                "it takes the vehicle's speed, which the recording does not have; set one in m/s that stands for it, as in driver = {{ name \
+                 = \"{}\", {SPEED} = 8 }} or --set driver.{SPEED}=8",
+                self.name
+            ))
+        })?;
+        self.network.drive(frame, &DriveContext { speed, ..*cx })
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.network.info()
+    }
 }
 
 /// How the networks of this plugin were trained, for the fields that nothing else gives.
@@ -55,6 +104,15 @@ pub fn describe(description: Description, blake3: &str) -> Description {
         .network()
         .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
         .parameter(engine::parameter())
+        .parameter(
+            Parameter::json(
+                SPEED,
+                Value::Null,
+                "the speed that stands for one that is not known, as for recordings without speeds; there is none by default, and a frame \
+                 without a speed is an error",
+            )
+            .unit("m/s"),
+        )
         .blake3(blake3)
 }
 
@@ -66,7 +124,7 @@ macro_rules! network {
 
         #[doc = concat!($doc, ".")]
         pub struct $driver {
-            network: super::Onnx,
+            network: super::trained::Trained,
         }
 
         impl $driver {
@@ -83,7 +141,7 @@ macro_rules! network {
             }
 
             fn new(config: &Config) -> Result<Self> {
-                Ok(Self { network: super::trained::open($name, Self::CONTENT, config)? })
+                Ok(Self { network: super::trained::Trained::open($name, Self::CONTENT, config)? })
             }
         }
 
@@ -126,6 +184,21 @@ mod tests {
         let expected = from_file.drive(frame.as_ref(), &cx).unwrap();
         assert_eq!(own.drive(frame.as_ref(), &cx).unwrap(), expected);
         assert!(expected.steering != 0.0, "a test that tells: {expected:?}");
+        // Without a speed it says what to do, and a constant one stands for it.
+        let unknown = DriveContext { speed: f64::NAN, ..cx };
+        let error = own.drive(frame.as_ref(), &unknown).unwrap_err().to_string();
+        assert!(
+            error.contains("driver = { name = \"dave2\", speed = 8 } or --set driver.speed=8"),
+            "{error}"
+        );
+        let assuming = |speed: Value| {
+            let given = Map::from_iter([("speed".to_owned(), speed), ("engine".to_owned(), "tract".into())]);
+            Dave2::new(&Config::check(&Dave2::description(), &given).unwrap())
+        };
+        assert_eq!(assuming(json!(7)).unwrap().drive(frame.as_ref(), &unknown).unwrap(), expected);
+        for wrong in [json!(-1), json!("fast")] {
+            assert!(assuming(wrong).err().unwrap().to_string().contains("has to be a number of m/s"));
+        }
         let hash = blake3::hash(&std::fs::read(file).unwrap()).to_hex().to_string();
         assert!(own.info().contains(&("network BLAKE3".to_owned(), hash)));
     }

@@ -6,6 +6,8 @@ use pdk_loop::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Failure};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Reply, Session, Ticket};
 
+use super::journal::Journal;
+
 /// How many jobs are under way for each worker, so that none waits for another.
 const WINDOW: usize = 4;
 
@@ -21,35 +23,57 @@ pub struct Times {
 /// Jobs, of which some are under way.
 pub struct Feed<I> {
     jobs: I,
-    under_way: VecDeque<(EvaluateFrames, Ticket)>,
+    /// The number of the evaluation.
+    evaluation: u64,
+    under_way: VecDeque<(EvaluateFrames, UnderWay)>,
     most: usize,
 }
 
+/// A job that was given away.
+enum UnderWay {
+    /// To the session.
+    Session(Ticket),
+    /// An earlier process did it.
+    Known(Vec<EvaluatedFrame>),
+}
+
 impl<I: Iterator<Item = EvaluateFrames>> Feed<I> {
-    /// These jobs, for this many workers.
-    pub fn new(jobs: I, workers: usize) -> Self {
-        Self { jobs, under_way: VecDeque::new(), most: workers * WINDOW }
+    /// These jobs of an evaluation, for this many workers.
+    pub fn new(jobs: I, evaluation: u64, workers: usize) -> Self {
+        Self { jobs, evaluation, under_way: VecDeque::new(), most: workers * WINDOW }
     }
 
-    /// What the next job came to: something for each of its frames. None if all were taken. `tick` is called with the frames that the
-    /// session has done so far.
+    /// What the next job came to: something for each of its frames. None if all were taken. `tick` is called with the frames that
+    /// are done so far. The journal is told, and asked before a job is given to the session.
     ///
     /// # Errors
-    /// If the session is over.
+    /// If the session is over, or the journal cannot be written.
     pub fn next(
         &mut self,
         session: &mut Session,
+        journal: &mut Journal,
         times: &mut Times,
         tick: &mut dyn FnMut(u64),
     ) -> Result<Option<Vec<EvaluatedFrame>>> {
         while self.under_way.len() < self.most
             && let Some(job) = self.jobs.next()
         {
-            let ticket = session.evaluate(job.clone());
-            self.under_way.push_back((job, ticket));
+            let given = match journal.take(self.evaluation, &job) {
+                Some(frames) => UnderWay::Known(frames),
+                None => UnderWay::Session(session.evaluate(job.clone())),
+            };
+            self.under_way.push_back((job, given));
         }
-        let Some((job, ticket)) = self.under_way.pop_front() else { return Ok(None) };
-        finish(session, job, ticket, times, tick).map(Some)
+        let Some((job, given)) = self.under_way.pop_front() else { return Ok(None) };
+        let (known, _) = journal.taken();
+        match given {
+            UnderWay::Known(frames) => Ok(Some(frames)),
+            UnderWay::Session(ticket) => {
+                let frames = finish(session, job.clone(), ticket, times, &mut |frames| tick(frames + known))?;
+                journal.add(self.evaluation, &job, &frames)?;
+                Ok(Some(frames))
+            }
+        }
     }
 }
 

@@ -3,10 +3,11 @@
 //!
 //! First the frames are driven as they are, which shows whether the driver can be ranked at all. Then each piece of a recording is
 //! driven under each perturbation. Lines are written in the order of the frames, whatever the number of workers; so what a killed run
-//! left is a beginning, and continuing it is going on behind that.
+//! left is a beginning, and continuing it is going on behind that. A [`journal`] has what is done and cannot be written in order yet.
 
 mod check;
 mod feed;
+mod journal;
 mod results;
 mod segments;
 mod summary;
@@ -128,6 +129,7 @@ pub fn evaluate(
     }
     let (started, cells, workers) = (Instant::now(), &evaluation.cells, session.slots());
     let own = evaluation.own();
+    results.journal.begin();
     let mut recorded = Vec::new();
     for segment in &own {
         let Some(frames) = results.take(number, segment.start..segment.end, cells) else { break };
@@ -141,11 +143,12 @@ pub fn evaluate(
 
     let mut times = Times::default();
     let jobs = new.iter().map(|segment| evaluation.job(segment, &(segment.start..segment.end), None));
-    let mut feed = Feed::new(jobs, workers);
+    let mut feed = Feed::new(jobs, number, workers);
     let mut originals = Vec::new();
-    while let Some(frames) = feed.next(session, &mut times, &mut tick)? {
+    while let Some(frames) = feed.next(session, &mut results.journal, &mut times, &mut tick)? {
         originals.push(frames);
     }
+    let of_originals = results.journal.length();
     let check = check(&recorded, &originals).judged(&evaluation.driver);
     // A part has not seen the other frames. What continues the merged record checks all of them.
     if let Some(refusal) = &check.refusal
@@ -153,6 +156,7 @@ pub fn evaluate(
         && evaluation.shard.is_none()
     {
         let error = Error::new(refusal.clone());
+        results.journal.close()?;
         return Ok(Evaluated::Refused(check, error));
     }
 
@@ -164,19 +168,21 @@ pub fn evaluate(
         let of_cell = move |cell| runs.iter().map(move |run| evaluation.job(segment, run, Some(cell)));
         cells.iter().flat_map(of_cell)
     });
-    let mut feed = Feed::new(jobs, workers);
+    let mut feed = Feed::new(jobs, number, workers);
     for ((segment, originals), runs) in new.iter().zip(&originals).zip(&runs) {
         let mut frames: Vec<Frame> = originals.iter().map(without_cells).collect();
         for run in std::iter::repeat_n(runs, cells.len()).flatten() {
-            let Some(found) = feed.next(session, &mut times, &mut tick)? else {
+            let Some(found) = feed.next(session, &mut results.journal, &mut times, &mut tick)? else {
                 return Err(Error::new("there are fewer results than jobs, which is a defect in pdk"));
             };
             let places = run.start - segment.start..run.end - segment.start;
             frames[places].iter_mut().zip(found).for_each(|(frame, found)| add_cell(frame, found));
         }
         results.add(number, segment.start, &frames, cells)?;
+        results.journal.forget(of_originals)?;
         frames.into_iter().for_each(|frame| collector.add(frame));
     }
+    results.journal.close()?;
     // A part may not have a good frame.
     if let (0, Some(BadFrame { frame, error, .. }), None) =
         (collector.frames(), collector.bad_frames().first(), evaluation.shard)
@@ -186,8 +192,11 @@ pub fn evaluate(
             collector.bad_frames().len()
         )));
     }
-    let new = new.iter().map(Segment::len).sum();
-    let performance = performance(new, cells.len(), workers, times, started.elapsed());
+    let new: usize = new.iter().map(Segment::len).sum();
+    let (known, _) = results.journal.taken();
+    let driven = (new * (cells.len() + 1)).saturating_sub(known as usize);
+    let perturbed = (new * cells.len()).saturating_sub(results.journal.taken().1 as usize);
+    let performance = performance((perturbed, driven), workers, times, started.elapsed());
     let sequences = own.iter().filter(|segment| segment.start == segment.sequence).count();
     let summary = collector.finish(number, sequences, check, evaluation.tolerance);
     Ok(Evaluated::Ranked(Box::new(summary), performance))
@@ -259,16 +268,20 @@ fn add_cell(frame: &mut Frame, found: EvaluatedFrame) {
     }
 }
 
-/// `new` is how many frames were not recorded already.
-pub fn performance(new: usize, cells: usize, workers: usize, times: Times, wall: Duration) -> Performance {
-    let perturbed = new * cells;
+/// How fast this many perturbed frames and predictions were made.
+pub fn performance(
+    (perturbed, predictions): (usize, usize),
+    workers: usize,
+    times: Times,
+    wall: Duration,
+) -> Performance {
     Performance {
         workers,
         perturbed_frames: perturbed,
         wall_seconds: wall.as_secs_f64(),
         frames_per_second: perturbed as f64 / wall.as_secs_f64().max(f64::MIN_POSITIVE),
         perturbation_milliseconds: times.perturbing * 1e3 / perturbed.max(1) as f64,
-        driver_milliseconds: times.driving * 1e3 / (perturbed + new).max(1) as f64,
+        driver_milliseconds: times.driving * 1e3 / predictions.max(1) as f64,
     }
 }
 

@@ -4,11 +4,14 @@ use std::collections::VecDeque;
 use std::io::Write;
 
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_record::directory::JOURNAL;
 use pdk_record::lines::Lines;
 use pdk_sdk::error::{Place, Result};
 use pdk_sdk::prelude::Control;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+use super::journal::Journal;
 
 /// One line of the results.
 #[derive(Debug, Serialize, Deserialize)]
@@ -94,6 +97,8 @@ pub struct BadFrame {
 
 /// The file of results, with what an earlier process left in it.
 pub struct Results {
+    /// What is not in the file yet.
+    pub journal: Journal,
     lines: Lines,
     /// Lines of evaluations that have not been come to yet, each with its length in bytes.
     recorded: VecDeque<(Line, u64)>,
@@ -108,7 +113,7 @@ pub fn level_of(cell: &AppliedPerturbation) -> f64 {
 }
 
 impl Results {
-    /// Opens the file.
+    /// Opens the file, and the journal beside it.
     ///
     /// # Errors
     /// If it cannot be read or written, or a line is damaged.
@@ -120,7 +125,8 @@ impl Results {
                 serde_json::from_slice(line).place(format_args!("{}:{}", path.display(), number + 1))?;
             recorded.push_back((parsed, line.len() as u64));
         }
-        Ok(Self { lines, recorded, length: 0, text: Vec::new() })
+        let journal = Journal::open(&path.with_file_name(JOURNAL))?;
+        Ok(Self { journal, lines, recorded, length: 0, text: Vec::new() })
     }
 
     /// These frames of an evaluation, if all of them are recorded as a whole. What is recorded of them otherwise is forgotten, with

@@ -131,7 +131,7 @@ impl Host {
             DatasetSpec::Reader(reader) => Ok((reader.clone(), self.make(Kind::Dataset, reader)?)),
             DatasetSpec::Path(path) => {
                 let catalog = self.session.catalog().clone();
-                readers::open(&catalog, path, |reader| self.make(Kind::Dataset, reader))
+                Ok(readers::open(&catalog, path, |reader| self.make(Kind::Dataset, reader))?)
             }
         }
     }

@@ -124,7 +124,11 @@ impl Host {
     /// The next pictures of an evaluation; none if all are done.
     pub(crate) fn next_piece(&mut self, under_way: &mut UnderWay) -> Result<Option<Piece>> {
         let UnderWay { run, bar, all, before, since, .. } = under_way;
-        run.next(&mut self.session, &mut |frames| bar.set((*before + frames - *since).min(*all)))
+        self.results()?;
+        let Some(results) = &mut self.evaluations.results else {
+            return Err(Error::new("there is no file for results, which is a defect in pdk"));
+        };
+        run.next(&mut self.session, results, &mut |frames| bar.set((*before + frames - *since).min(*all)))
     }
 
     /// Writes what the metric keeps of pictures.
@@ -136,6 +140,9 @@ impl Host {
     pub(crate) fn finish_task(&mut self, under_way: UnderWay) -> Result<Value> {
         let UnderWay { run, bar, started, .. } = under_way;
         bar.finish();
+        let journal = &mut self.results()?.journal;
+        journal.close()?;
+        let (known, perturbed) = journal.taken();
         if let ((0, [BadFrame { frame, error, .. }, ..]), None) =
             (run.collector.frames(), run.evaluation.shard)
         {
@@ -145,9 +152,10 @@ impl Host {
             )));
         }
         let cells = &run.evaluation.cells;
+        let done = (run.new * cells.len()).saturating_sub(perturbed as usize);
+        let predictions = (run.new * (cells.len() + 1)).saturating_sub(known as usize);
         let performance = crate::evaluation::performance(
-            run.new,
-            cells.len(),
+            (done, predictions),
             self.session.slots(),
             run.times,
             started.elapsed(),

@@ -108,6 +108,7 @@ impl TaskRun {
         results: &mut Results,
         workers: usize,
     ) -> Self {
+        results.journal.begin();
         let mut left: VecDeque<Segment> = evaluation.own().into();
         let mut collector = TaskCollector::new(&evaluation.cells);
         while let Some(segment) = left.front()
@@ -125,20 +126,25 @@ impl TaskRun {
             times: Times::default(),
             new: left.iter().map(Segment::len).sum(),
             left,
-            feed: Feed::new(jobs.into_iter(), workers),
+            feed: Feed::new(jobs.into_iter(), number, workers),
             evaluation,
         }
     }
 
-    /// The next pictures; none if all are done. `tick` is called with the frames that the session has done so far.
+    /// The next pictures; none if all are done. `tick` is called with the frames that are done so far.
     ///
     /// # Errors
-    /// If the session is over.
-    pub fn next(&mut self, session: &mut Session, tick: &mut dyn FnMut(u64)) -> Result<Option<Piece>> {
+    /// If the session is over, or the journal cannot be written.
+    pub fn next(
+        &mut self,
+        session: &mut Session,
+        results: &mut Results,
+        tick: &mut dyn FnMut(u64),
+    ) -> Result<Option<Piece>> {
         let Some(segment) = self.left.pop_front() else { return Ok(None) };
         let mut frames: Vec<TaskFrame> = Vec::new();
         for place in 0..=self.evaluation.cells.len() {
-            let Some(found) = self.feed.next(session, &mut self.times, tick)? else {
+            let Some(found) = self.feed.next(session, &mut results.journal, &mut self.times, tick)? else {
                 return Err(Error::new("there are fewer results than jobs, which is a defect in pdk"));
             };
             if place == 0 {
@@ -157,6 +163,7 @@ impl TaskRun {
     pub fn keep(&mut self, results: &mut Results, piece: Piece) -> Result<()> {
         let Piece { segment, frames } = piece;
         results.add_task(self.number, segment.start, &frames, &self.evaluation.cells)?;
+        results.journal.forget(0)?;
         frames.into_iter().for_each(|frame| self.collector.add(frame));
         Ok(())
     }

@@ -5,5 +5,6 @@ pub mod lines;
 pub mod mask;
 pub mod records;
 pub mod rle;
+pub mod table;
 mod text;
 pub mod yolo;

@@ -21,6 +21,8 @@ pub fn read(packed: &Value) -> Result<(Vec<bool>, [usize; 2])> {
         Value::String(text) => unpacked(text).ok_or_else(wrong)?,
         _ => return Err(wrong()),
     };
+    let side = |length: usize| u32::try_from(length).map_err(|_| wrong());
+    pdk_image::check_size(side(width)?, side(height)?)?;
     let pixels = width.checked_mul(height).ok_or_else(wrong)?;
     if counts.iter().try_fold(0usize, |sum, count| sum.checked_add(*count)) != Some(pixels) {
         return Err(wrong());
@@ -126,6 +128,12 @@ mod tests {
         }
         assert_eq!(write(&mask, [4, 3], &json!({"counts": ""}))["counts"], "336");
         assert_eq!(read(&json!({"size": [3, 4], "counts": "336"})).unwrap().0, mask);
+    }
+
+    #[test]
+    fn a_mask_of_any_size_takes_no_memory_before_it_is_looked_at() {
+        let large = json!({"size": [4_000_000_000_u64, 4_000_000_000_u64], "counts": [16_000_000_000_000_000_000_u64]});
+        assert!(read(&large).unwrap_err().message().contains("megapixels"));
     }
 
     #[test]

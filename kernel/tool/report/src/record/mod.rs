@@ -7,6 +7,7 @@ mod read;
 mod search;
 mod setup;
 mod shell;
+mod tasks;
 mod times;
 mod traces;
 

@@ -1,6 +1,6 @@
 //! Offline results as a page shows them: sums over the lines, so that a run that has not ended has them too.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufRead, BufReader};
 
 use pdk_model::component::ENGINE;
@@ -25,8 +25,9 @@ enum Line {
     Result(ResultLine),
     /// A frame that could not be evaluated.
     Bad { evaluation: u64, frame: String, error: String },
-    /// A picture with a predictor, of which the page says nothing.
+    /// A picture with a predictor, about which the summary has all.
     Task {
+        evaluation: u64,
         #[serde(rename = "measured")]
         _measured: serde::de::IgnoredAny,
     },
@@ -85,6 +86,7 @@ pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<E
     let path = directory.path().join(RESULTS);
     let Some((file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(Vec::new()) };
     let mut evaluations: BTreeMap<u64, Sums> = BTreeMap::new();
+    let mut of_tasks = BTreeSet::new();
     let (mut reader, mut text, mut number) = (BufReader::new(file), Vec::new(), 0);
     loop {
         text.clear();
@@ -101,9 +103,11 @@ pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<E
             Line::Bad { evaluation, frame, error } => {
                 evaluations.entry(evaluation).or_default().bad_frames.push((frame, error));
             }
-            Line::Task { .. } => {}
+            Line::Task { evaluation, .. } => _ = of_tasks.insert(evaluation),
         }
     }
+    // One with a predictor may have pictures that were left out.
+    evaluations.retain(|number, _| !of_tasks.contains(number));
     Ok(evaluations.into_iter().map(|(number, sums)| sums.finish(number, told)).collect())
 }
 

@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::clips::clip_folder;
 use super::setup::{setup, title};
 use super::times::Performance;
-use super::{closed_loop, offline, search, traces};
+use super::{closed_loop, offline, search, tasks, traces};
 use crate::view::{Drive, Other, Run};
 
 /// Failures whose last frames are shown.
@@ -44,14 +44,16 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         false => (Vec::new(), false),
     };
     let evaluations = offline::read(&directory, &manifest.evaluations)?;
+    let tasks =
+        json::<Value>(&directory, SUMMARY)?.as_ref().map(tasks::read).transpose()?.unwrap_or_default();
     let searches = search::read(&directory, folder, &lines)?;
-    if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
+    if lines.is_empty() && evaluations.is_empty() && tasks.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(
             "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
             folder.display()
         )));
     }
-    let unfinished = unfinished(&directory, &lines, cut_off, evaluations.len())?;
+    let unfinished = unfinished(&directory, &lines, cut_off, evaluations.len() + tasks.len())?;
     let mut drives = closed_loop::drives(&lines, folder, &clip_folder(folder, page)?);
     let warnings = traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES);
     let performance: Option<Performance> = json(&directory, PERFORMANCE)?;
@@ -63,6 +65,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         setup: setup(&manifest),
         drives,
         evaluations,
+        tasks,
         searches,
         drive_times: performance.as_ref().and_then(Performance::drive),
         evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),

@@ -1,0 +1,179 @@
+//! Tables with steering: a row for each frame, in the order of the frames. The column with the steering is the one whose numbers are
+//! those of the frames, up to a factor. Nothing but its signs is changed, so that the rest of the file stays as it was.
+
+use std::ops::Range;
+
+use pdk_sdk::error::{Error, Result};
+
+/// Numbers that differ by less, as a share, are the same.
+const SAME: f64 = 1e-9;
+
+/// A row, with the places of its cells in the text.
+struct Row {
+    line: usize,
+    cells: Vec<Range<usize>>,
+}
+
+/// The table in which the steering of mirrored frames has the other sign. `steering` is that of each frame, not a number if a frame has
+/// none. `mirrored` is asked for the frames that are steered.
+///
+/// # Errors
+/// If the rows are not those of the frames, or no column has the steering.
+pub fn moved(
+    text: &str,
+    steering: &[f64],
+    mirrored: &mut dyn FnMut(usize) -> Result<bool>,
+) -> Result<String> {
+    let (rows, column) = steered(text, steering)?;
+    let mut out = String::with_capacity(text.len() + rows.len());
+    let mut written = 0;
+    for (index, row) in rows.iter().enumerate() {
+        let is_steered = steering[index].is_finite() && steering[index] != 0.0;
+        if !is_steered || !mirrored(index)? {
+            continue;
+        }
+        let cell = &row.cells[column];
+        out += &text[written..cell.start];
+        match text[cell.clone()].strip_prefix('-') {
+            Some(positive) => out += positive,
+            None => {
+                out.push('-');
+                out += text[cell.clone()].trim_start_matches('+');
+            }
+        }
+        written = cell.end;
+    }
+    out += &text[written..];
+    Ok(out)
+}
+
+/// Whether the steering of frames stands in a table, so that it can be moved.
+///
+/// # Errors
+/// As [`moved`].
+pub fn check(text: &str, steering: &[f64]) -> Result<()> {
+    steered(text, steering).map(drop)
+}
+
+/// The rows of the frames, and the column with their steering.
+fn steered(text: &str, steering: &[f64]) -> Result<(Vec<Row>, usize)> {
+    let mut rows = rows(text)?;
+    // A header has a row of its own.
+    if rows.len() == steering.len() + 1 {
+        rows.remove(0);
+    }
+    if rows.len() != steering.len() {
+        return Err(Error::new(format!(
+            "it has {} rows, and the recording {} frames",
+            rows.len(),
+            steering.len()
+        )));
+    }
+    let number = |row: &Row, column: usize| text.get(row.cells.get(column)?.clone())?.parse::<f64>().ok();
+    let holds = |column: &usize| {
+        let mut factor: Option<f64> = None;
+        rows.iter().zip(steering).filter(|(_, steering)| steering.is_finite()).all(|(row, steering)| {
+            let Some(recorded) = number(row, *column) else { return false };
+            if recorded == 0.0 || *steering == 0.0 {
+                return recorded == *steering;
+            }
+            let own = steering / recorded;
+            let known = *factor.get_or_insert(own);
+            (own - known).abs() <= SAME * known.abs()
+        })
+    };
+    let columns = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
+    match (0..columns).find(holds) {
+        Some(column) => Ok((rows, column)),
+        None => Err(Error::new("none of its columns has the steering of the frames")),
+    }
+}
+
+/// The rows of a table: lines that are neither empty nor comments. The separator is the one that the first line has most of.
+fn rows(text: &str) -> Result<Vec<Row>> {
+    let start = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
+    let first = text[start..].lines().next().unwrap_or_default();
+    let separators = [',', ';', '\t'];
+    let separator =
+        separators.into_iter().max_by_key(|separator| (first.matches(*separator).count(), *separator == ','));
+    let separator = separator.unwrap_or(',');
+    let mut rows = Vec::new();
+    let mut at = start;
+    for (number, whole) in text[start..].split_inclusive('\n').enumerate() {
+        let line = whole.trim_end_matches(['\r', '\n']);
+        if !line.trim().is_empty() && !line.trim_start().starts_with('#') {
+            let row = Row { line: number + 1, cells: cells(line, at, separator) };
+            if line.matches('"').count() % 2 == 1 {
+                return Err(Error::new(format!(
+                    "line {} has a cell that goes on in the next line",
+                    row.line
+                )));
+            }
+            rows.push(row);
+        }
+        at += whole.len();
+    }
+    Ok(rows)
+}
+
+/// The places of the cells of a line, without quotes and space around them; the line begins at `at`.
+fn cells(line: &str, at: usize, separator: char) -> Vec<Range<usize>> {
+    let mut cells = Vec::new();
+    let (mut start, mut quoted) = (0, false);
+    let mut add = |start: usize, end: usize| {
+        let cell = &line[start..end];
+        let trimmed = cell.trim_matches(|c: char| c.is_whitespace() || c == '"');
+        let before = cell.len() - cell.trim_start_matches(|c: char| c.is_whitespace() || c == '"').len();
+        cells.push(at + start + before..at + start + before + trimmed.len());
+    };
+    for (place, c) in line.char_indices() {
+        match c {
+            '"' => quoted = !quoted,
+            c if c == separator && !quoted => {
+                add(start, place);
+                start = place + c.len_utf8();
+            }
+            _ => {}
+        }
+    }
+    add(start, line.len());
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_signs_of_the_steering_change_and_nothing_else() {
+        let text = "\u{feff}image, time,\"angle\" ,gas\r\n# a comment\r\n\"a,b.png\", 1, 12.50 ,0.5\r\nc.png,2,-0.0,1\r\nd.png,3,\"-6.25\",0\r\n";
+        let steering = [0.5, 0.0, -0.25];
+        let mirrored = moved(text, &steering, &mut |_| Ok(true)).unwrap();
+        assert_eq!(
+            mirrored,
+            "\u{feff}image, time,\"angle\" ,gas\r\n# a comment\r\n\"a,b.png\", 1, -12.50 ,0.5\r\nc.png,2,-0.0,1\r\nd.png,3,\"6.25\",0\r\n"
+        );
+        let one = moved(text, &steering, &mut |index| Ok(index == 2)).unwrap();
+        assert_eq!(one, text.replace("-6.25", "6.25"));
+        assert_eq!(moved(&mirrored, &steering.map(|steering| -steering), &mut |_| Ok(true)).unwrap(), text);
+    }
+
+    #[test]
+    fn tables_without_a_header_and_without_some_labels_are_read() {
+        let text = "a.png;0.5;1\nb.png;;2\nc.png;-0.5;3";
+        let found = moved(text, &[-0.25, f64::NAN, 0.25], &mut |_| Ok(true)).unwrap();
+        assert_eq!(found, "a.png;-0.5;1\nb.png;;2\nc.png;0.5;3");
+    }
+
+    #[test]
+    fn a_table_of_something_else_is_refused() {
+        for (text, part) in [
+            ("a.png,0.5\nb.png,0.1", "none of its columns has the steering"),
+            ("a.png,0.5", "it has 1 rows, and the recording 2 frames"),
+            ("a.png,0.5,\"x\nb.png\",0.5", "goes on in the next line"),
+        ] {
+            let error = moved(text, &[0.5, 0.25], &mut |_| Ok(true)).unwrap_err();
+            assert!(error.message().contains(part), "{error}");
+        }
+    }
+}
