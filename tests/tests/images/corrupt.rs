@@ -356,10 +356,10 @@ fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
     let data = folder.path().join("log");
     fs::create_dir(&data).unwrap();
     let mut table = "image, note,Angle ,speed\r\n".to_owned();
-    let angles = ["-12.50", "0", "\"3.25\"", "25.0", "-0.50", "7"];
+    let angles = [" -12.50 ", "0", "\"3.25\"", " 25.0", "-0.50", "7"];
     for (number, angle) in angles.iter().enumerate() {
         pictures::road(48, 32, number as u32).save(data.join(format!("{number}.png"))).unwrap();
-        table += &format!("{number}.png,\"a, b\", {angle} ,5.5\r\n");
+        table += &format!("{number}.png,\"a, b\",{angle},5.5\r\n");
     }
     fs::write(data.join("log.csv"), &table).unwrap();
     let with = ["--with", "mirror@1", "--plugins", "mirror.lua"];
@@ -373,12 +373,12 @@ fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
     let dataset = "csv,path=log,full_lock=25";
     corrupt(folder.path(), dataset, &with, "out").succeed();
     let turned = fs::read_to_string(folder.path().join("out/mirror/1/log.csv")).unwrap();
-    let expected = ["12.50", "0", "\"-3.25\"", "-25.0", "0.50", "-7"];
+    let expected = [" 12.50 ", "0", "\"-3.25\"", " -25.0", "0.50", "-7"];
     let rest = |text: &str, angles: &[&str]| {
         angles.iter().enumerate().fold(text.to_owned(), |text, (number, angle)| {
             text.replacen(
-                &format!("{number}.png,\"a, b\", {angle} ,"),
-                &format!("{number}.png,\"a, b\", ANGLE ,"),
+                &format!("{number}.png,\"a, b\",{angle},"),
+                &format!("{number}.png,\"a, b\",ANGLE,"),
                 1,
             )
         })

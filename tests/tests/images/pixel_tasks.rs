@@ -15,7 +15,7 @@ const HEIGHT: u32 = 24;
 const PICTURES: u32 = 9;
 
 /// A number that looks random and is the same every time.
-fn below(number: u32, x: u32, y: u32, most: u64) -> u64 {
+fn below(number: u32, x: u32, y: u32, most: usize) -> usize {
     Random::new(u64::from(number) << 32 | u64::from(x) << 16 | u64::from(y)).below(most)
 }
 
