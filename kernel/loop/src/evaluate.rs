@@ -13,7 +13,7 @@ use pdk_supervise::calls::Function;
 
 use crate::held::Held;
 use crate::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Subject};
-use crate::taken::{Take, Taken};
+use pdk_truth::taken::{Take, Taken};
 
 /// Decoded pictures that are kept for the next perturbation of the same frames, in bytes.
 const KEPT_PICTURES: usize = 256 << 20;

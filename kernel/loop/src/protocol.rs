@@ -20,7 +20,7 @@ use pdk_sdk::prelude::{Camera, Control};
 use serde::{Deserialize, Serialize};
 
 use crate::stages::Times;
-use crate::taken::{Take, Taken};
+use pdk_truth::taken::{Take, Taken};
 
 /// The version of the protocol. Both ends have to have the same one; within a version new fields may come, which the other end leaves
 /// out. `docs/worker-protocol.md` says what else is a new version.

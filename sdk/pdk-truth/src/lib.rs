@@ -6,6 +6,7 @@
 //! | [`coco`], [`yolo`] | boxes around objects |
 //! | [`segments`] | a class for each pixel, in PNG |
 //! | [`distances`] | a distance for each pixel, in PNG or in files of numpy |
+//! | [`taken`] | what is taken from the outputs of a predictor |
 
 pub mod beside;
 pub mod coco;
@@ -13,4 +14,5 @@ pub mod distances;
 mod map;
 pub mod npy;
 pub mod segments;
+pub mod taken;
 pub mod yolo;

@@ -13,7 +13,7 @@ pub struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    /// The output of this shape as a map of one channel, or of so many. Axes of length 1 in front do not count.
+    /// The output of this shape as a map of one channel, or of this many. Axes of length 1 in front do not count.
     ///
     /// # Errors
     /// If it has another shape.

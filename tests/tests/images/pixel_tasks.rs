@@ -131,7 +131,7 @@ fn overlaps_of_a_segmentation_are_those_of_a_plain_program() {
         .fail(1, &["`translate_image` moves", "pdk corrupt"]);
     let script = pipeline(folder.path(), &moving.replace("classes = {", "keep_labels = true, classes = {"));
     Pdk::new(["run", "--out"]).arg(folder.path().join("kept")).arg(&script).succeed();
-    // A value that is no class.
+    // A value that is not a class.
     let script = pipeline(folder.path(), &source.replace("values = { 0, 7, 9 }", "values = { 0, 1, 9 }"));
     Pdk::new(["run", "--out"])
         .arg(folder.path().join("wrong"))

@@ -34,6 +34,7 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ("pictures", "kernel/tool/cli/src/verbs/reference.rs", "a folder"),
     ("csv", "kernel/tool/", "the format, and the ending of its files"),
     ("segmentation", "kernel/tool/corrupt/", "a field of COCO's annotations"),
+    ("segmentation", "kernel/script/pipeline/src/", "a kind of task"),
     ("random", "kernel/script/pipeline/src/api.rs", "a function of pipelines"),
     ("folder", "kernel/tool/cli/src/verbs/cache.rs", "a field of JSON"),
     ("folder", "kernel/tool/corrupt/", "a field of JSON"),

@@ -198,7 +198,7 @@ impl Server {
     }
 }
 
-/// What a program is told of an evaluation with a function of its own.
+/// What a program gets of an evaluation with a function of its own.
 fn answer(step: Step, scoring: &mut Option<Box<Scoring>>) -> Value {
     match step {
         Step::Picture(under_way, seen) => {

@@ -44,7 +44,7 @@ impl<I: Iterator<Item = EvaluateFrames>> Feed<I> {
     }
 
     /// What the next job came to: something for each of its frames. None if all were taken. `tick` is called with the frames that
-    /// are done so far. The journal is told, and asked before a job is given to the session.
+    /// are done so far. The journal gets what jobs came to, and is asked before a job is given to the session.
     ///
     /// # Errors
     /// If the session is over, or the journal cannot be written.

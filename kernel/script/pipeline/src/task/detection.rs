@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use pdk_loop::taken::TakenOutput;
 use pdk_metrics::detection::{Areas, Detection, Labelled, Picture, average_precision};
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::input_files::InputFiles;
 use pdk_truth::beside::Beside;
 use pdk_truth::coco::Coco;
+use pdk_truth::taken::TakenOutput;
 use pdk_truth::yolo;
 use serde_json::{Value, json};
 
@@ -83,7 +83,7 @@ impl Objects {
             Self::Yolo { beside, files, .. } => match beside.find(picture)?.and_then(|path| files.get(&path))
             {
                 Some(objects) => Ok(objects.clone()?.iter().map(|object| object.in_pixels(size)).collect()),
-                // Where there is nothing in a picture, YOLO has no file for it.
+                // If there is nothing in a picture, YOLO has no file for it.
                 None => Ok(Vec::new()),
             },
         }

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use pdk_loop::taken::{Take, Taken, TakenOutput};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::Control;
 use pdk_truth::distances::Distances;
 use pdk_truth::segments::Segments;
+use pdk_truth::taken::{Take, Taken, TakenOutput};
 use serde_json::{Map, Value, json};
 
 use super::baseline::Baseline;

@@ -17,7 +17,7 @@ pub struct Total {
 }
 
 impl Total {
-    /// A number that is no mean over pictures.
+    /// A number that is not a mean over pictures.
     pub fn plain(name: impl Into<String>, value: Option<f64>) -> Self {
         Self { name: name.into(), value, interval: None }
     }

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use pdk_loop::taken::TakenOutput;
 use pdk_metrics::trajectory::{average_displacement, final_displacement};
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_truth::taken::TakenOutput;
 use serde_json::{Value, json};
 
 /// The points that were driven, by the name of the picture.

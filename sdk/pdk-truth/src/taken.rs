@@ -2,10 +2,11 @@
 
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::Output;
-use pdk_truth::distances::Distances;
-use pdk_truth::segments::Segments;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+
+use crate::distances::Distances;
+use crate::segments::Segments;
 
 /// What is taken from the outputs of each frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
