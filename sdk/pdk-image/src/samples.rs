@@ -36,6 +36,9 @@ pub fn read(bytes: &[u8]) -> Result<Samples> {
     (info.color_type, info.bit_depth) = (source.color_type, source.bit_depth);
     info.palette = source.palette.as_ref().map(|palette| palette.to_vec().into());
     info.trns = source.trns.as_ref().map(|trns| trns.to_vec().into());
+    if info.color_type == ColorType::Indexed && info.palette.is_none() {
+        return Err(Error::new("it is damaged: it has no palette"));
+    }
     let (width, height) = (info.width as usize, info.height as usize);
     let channels = info.color_type.samples();
     let bits = info.bit_depth as usize;

@@ -26,6 +26,9 @@ pub type Pictures<'a> = &'a mut dyn FnMut(&str, [usize; 2], Work<'_>) -> Result<
 /// # Errors
 /// If the file is not what it seems, or a perturbation cannot say where it moves things.
 pub fn moved(document: &Value, least: f64, picture: Pictures<'_>) -> Result<Value> {
+    if !fits(document) {
+        return Err(Error::new("it is not a file of COCO: it has no lists `images` and `annotations`"));
+    }
     let list = |name: &str| document[name].as_array().map(Vec::as_slice).unwrap_or_default();
     let annotations = list("annotations");
     let mut of_image: BTreeMap<String, Vec<usize>> = BTreeMap::new();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pdk_sdk::error::{Place, Result};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::text::each_line;
 
@@ -47,12 +47,12 @@ fn record(text: &str, mirrored: &mut dyn FnMut(Option<&str>) -> Result<bool>) ->
 /// The file that lists the lengths of the lines of another one, for this text.
 ///
 /// # Errors
-/// If it is not JSON.
+/// If it is not an object of JSON.
 pub fn lengths(file: &str, of: &str) -> Result<String> {
-    let mut value: Value = serde_json::from_str(file)?;
+    let mut fields: Map<String, Value> = serde_json::from_str(file)?;
     let lengths: Vec<usize> = of.split_inclusive('\n').map(str::len).collect();
-    value["line_lengths"] = json!(lengths);
-    Ok(serde_json::to_string(&value)?)
+    fields.insert("line_lengths".to_owned(), json!(lengths));
+    Ok(serde_json::to_string(&fields)?)
 }
 
 #[cfg(test)]
@@ -71,5 +71,6 @@ mod tests {
             lengths("{\"line_lengths\": [1], \"start_index\": 0}", &moved).unwrap(),
             "{\"line_lengths\":[48,47],\"start_index\":0}"
         );
+        assert!(lengths("\"text\"", &moved).is_err());
     }
 }
