@@ -3,7 +3,6 @@
 mod answers;
 mod book;
 mod ending;
-mod event;
 mod jobs;
 mod tally;
 mod workers;
@@ -13,20 +12,20 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::{Duration, Instant};
 
 use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Outcome;
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
 
 use self::book::Book;
-pub use self::book::Record;
-pub use self::event::{Event, Request};
 use self::jobs::{Jobs, Task};
 pub use self::tally::Shared;
 use self::tally::Tally;
 use self::workers::Workers;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
-use crate::submission::{Options, Reply, Submission, Ticket};
-use pdk_loop::protocol::{Drive, Job, Ready, Work};
+use crate::submission::{Event, Options, Reply, Request, Submission, Ticket};
+use pdk_loop::protocol::{Answer, Drive, Driven, Job, Ready, Work};
+use pdk_loop::recorder::write_trace;
 
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
@@ -205,6 +204,52 @@ impl Dispatch {
         }
         Ok(())
     }
+
+    /// A worker has done a job: what came of it is recorded.
+    ///
+    /// # Errors
+    /// If it cannot be recorded: then nothing that comes can.
+    fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
+        let Some(task) = self.jobs.tasks.get(&number) else { return Ok(()) };
+        match answer {
+            Answer::Driven(driven) => {
+                self.tally.add(&driven);
+                let Some(submission) = &task.submission else {
+                    self.finish(number, Ok(Reply::Driven(Box::new(driven))));
+                    return Ok(());
+                };
+                complete_trace(&task.work, &driven.outcome)?;
+                let line = self.book.add(submission, driven.outcome)?;
+                self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
+            }
+            Answer::Evaluated(evaluated) => {
+                self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
+            }
+            Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
+            Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
+            // A pool has given the scenario up.
+            Answer::Failed(failure) if matches!(task.work, Work::Drive(_)) => {
+                return self.done(number, Answer::Driven(Driven::lost(failure.kind, failure.message, 0)));
+            }
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
+            Answer::Broken(failure) => return Err(failure.into()),
+        }
+        Ok(())
+    }
+
+    /// A task is over: everybody who waits for it gets the answer.
+    fn finish(&mut self, number: u64, answer: Result<Reply>) {
+        let Some(task) = self.jobs.remove(number) else { return };
+        for ticket in task.waiting {
+            self.answer(ticket, answer.clone());
+        }
+    }
+
+    fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
+        // The requester may be gone.
+        let _ = self.answers.send((ticket, answer));
+    }
 }
 
 /// Whether pdk starts the simulator itself, by one of these parameters, so that every worker has its own.
@@ -212,4 +257,14 @@ fn is_launched(simulator: &ComponentSpec, by: &[Parameter]) -> bool {
     by.iter().any(|parameter| {
         simulator.parameters.get(&parameter.name).is_some_and(|value| parameter.program(value).is_some())
     })
+}
+
+/// Writes the trace of a scenario that a pool has given up: the process that was to write it was lost.
+fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
+    match (work, &outcome.error) {
+        (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
+            write_trace(drive, message)
+        }
+        _ => Ok(()),
+    }
 }

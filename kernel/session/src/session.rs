@@ -17,7 +17,8 @@ use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::input_files::InputFiles;
 
 use crate::connection::Pool;
-use crate::dispatch::{Dispatch, Event, Record, Request, Shared};
+use crate::dispatch::{Dispatch, Shared};
+use crate::submission::{Event, Record, Request};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 use pdk_loop::protocol::{Drive, EvaluateFrames, Made, Make, Ready, SearchStep, StartSearch, Work};
 

@@ -2,16 +2,20 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 
 use pdk_components::search_path::SearchPath;
 use pdk_model::scenario::Scenario;
 use pdk_model::search::Candidate;
-use pdk_record::ledger::Line;
+use pdk_record::directory::RunDirectory;
+use pdk_record::ledger::{Ledger, Line};
+use pdk_sdk::error::Result;
 use pdk_sdk::input_files::InputFiles;
 use pdk_supervise::supervisor::Limits;
 
 use crate::connection::Pool;
-use pdk_loop::protocol::{Driven, Evaluated, Failure, Made};
+use pdk_loop::lines::Found;
+use pdk_loop::protocol::{Driven, Evaluated, Failure, FromWorker, Made, Work};
 use pdk_loop::stages::Times;
 
 /// How a session works.
@@ -36,6 +40,38 @@ pub struct Submission {
     pub name: String,
     /// Every how many frames an image goes into the trace; 0 for none.
     pub images_every: u64,
+}
+
+/// Where scenarios are recorded.
+pub(crate) struct Record {
+    /// The folder.
+    pub directory: RunDirectory,
+    /// The ledger in it.
+    pub ledger: Ledger,
+    /// Whether scenarios in which a component failed in an earlier session are answered from the ledger, rather than driven again.
+    pub keep_errors: bool,
+}
+
+/// A message to the session's thread.
+pub(crate) enum Event {
+    /// A request.
+    Submit(Ticket, Request),
+    /// Record scenarios from now on.
+    Record(Record),
+    /// Put the ledger in order.
+    Finish(Sender<Result<()>>),
+    /// No more requests come.
+    Close,
+    /// A worker says something, on this connection.
+    Worker(u64, Found<FromWorker>),
+}
+
+/// A request.
+pub(crate) enum Request {
+    /// A scenario, to be recorded.
+    Submission(Box<Submission>),
+    /// Anything else.
+    Work(Box<Work>),
 }
 
 /// Stands for something that was submitted.

@@ -1,14 +1,11 @@
-//! What workers say: answers are recorded and passed on, and what a lost worker was at is done again.
+//! What workers say, and what happens if one is lost or silent: what it was at is done again.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use pdk_model::outcome::Outcome;
 use pdk_notice::eprintln;
-use pdk_record::ledger::Line;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_supervise::supervisor::is_from_outside;
@@ -16,7 +13,6 @@ use pdk_supervise::supervisor::is_from_outside;
 use super::Dispatch;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
-use crate::submission::{Reply, Submission, Ticket};
 use pdk_loop::lines::Found;
 use pdk_loop::protocol::{Answer, Done, Driven, FromWorker, Ready, Work};
 use pdk_loop::recorder::write_trace;
@@ -138,53 +134,6 @@ impl Dispatch {
         Ok(())
     }
 
-    /// A worker has done a job: what came of it is recorded.
-    ///
-    /// # Errors
-    /// If it cannot be recorded: then nothing that comes can.
-    pub(super) fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
-        let Some(task) = self.jobs.tasks.get(&number) else { return Ok(()) };
-        match answer {
-            Answer::Driven(driven) => {
-                self.tally.add(&driven);
-                let Some(submission) = &task.submission else {
-                    self.finish(number, Ok(Reply::Driven(Box::new(driven))));
-                    return Ok(());
-                };
-                complete_trace(&task.work, &driven.outcome)?;
-                let line = line_of(submission, driven.outcome);
-                self.book.add(&line)?;
-                self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
-            }
-            Answer::Evaluated(evaluated) => {
-                self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
-            }
-            Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
-            Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
-            Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
-            // A pool has given the scenario up.
-            Answer::Failed(failure) if matches!(task.work, Work::Drive(_)) => {
-                return self.done(number, Answer::Driven(Driven::lost(failure.kind, failure.message, 0)));
-            }
-            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
-            Answer::Broken(failure) => return Err(failure.into()),
-        }
-        Ok(())
-    }
-
-    /// A task is over: everybody who waits for it gets the answer.
-    pub(super) fn finish(&mut self, number: u64, answer: Result<Reply>) {
-        let Some(task) = self.jobs.remove(number) else { return };
-        for ticket in task.waiting {
-            self.answer(ticket, answer.clone());
-        }
-    }
-
-    pub(super) fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
-        // The requester may be gone.
-        let _ = self.answers.send((ticket, answer));
-    }
-
     /// A worker is gone: what it was at is done again by another one.
     ///
     /// # Errors
@@ -259,19 +208,4 @@ impl Dispatch {
 /// How a worker ended, in words.
 fn said(end: Option<ExitStatus>) -> String {
     end.map_or_else(|| "it closed its output and did not end".to_owned(), |status| status.to_string())
-}
-
-/// Writes the trace of a scenario that a pool has given up: the process that was to write it was lost.
-fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
-    match (work, &outcome.error) {
-        (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
-            write_trace(drive, message)
-        }
-        _ => Ok(()),
-    }
-}
-
-fn line_of(submission: &Submission, outcome: Outcome) -> Line {
-    let Submission { scenario, name, images_every } = submission.clone();
-    Line { id: scenario.id(), name, scenario, images_every, outcome }
 }

@@ -3,23 +3,14 @@
 use std::collections::HashSet;
 use std::path::PathBuf;
 
-use pdk_model::outcome::Cause;
+use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::ScenarioId;
 use pdk_notice::eprintln;
-use pdk_record::directory::RunDirectory;
-use pdk_record::ledger::{Ledger, Line};
+use pdk_record::ledger::Line;
 use pdk_record::trace::reader::{self, Owner};
 use pdk_sdk::error::{Error, Result};
 
-/// Where scenarios are recorded.
-pub struct Record {
-    /// The folder.
-    pub directory: RunDirectory,
-    /// The ledger in it.
-    pub ledger: Ledger,
-    /// Whether scenarios in which a component failed in an earlier session are answered from the ledger, rather than driven again.
-    pub keep_errors: bool,
-}
+use crate::submission::{Record, Submission};
 
 /// The record with what the session knows about it.
 #[derive(Default)]
@@ -67,16 +58,18 @@ impl Book {
         Ok((known.map(|line| (line, before)), trace))
     }
 
-    /// Adds what came of a scenario.
+    /// Adds what came of a scenario, and returns its line.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn add(&mut self, line: &Line) -> Result<()> {
+    pub fn add(&mut self, submission: &Submission, outcome: Outcome) -> Result<Line> {
+        let Submission { scenario, name, images_every } = submission.clone();
+        let line = Line { id: scenario.id(), name, scenario, images_every, outcome };
         if let Some(record) = &mut self.record {
-            record.ledger.add(line)?;
+            record.ledger.add(&line)?;
         }
         self.driven.insert(line.id);
-        Ok(())
+        Ok(line)
     }
 
     /// Puts the ledger into the order in which the scenarios were submitted.

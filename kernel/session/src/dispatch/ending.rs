@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use pdk_sdk::error::{Error, Result};
 
+use super::Dispatch;
 use super::jobs::Task;
 use super::workers::leave;
-use super::{Dispatch, Event};
 use crate::connection::Connection;
 use crate::interrupt::{self, Wish};
+use crate::submission::Event;
 use pdk_loop::lines::Found;
 use pdk_loop::protocol::{FromWorker, Ready, Work};
 

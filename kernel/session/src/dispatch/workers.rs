@@ -8,9 +8,8 @@ use pdk_loop::protocol::{Hello, VERSION};
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
 
-use super::event::Event;
 use crate::connection::{Connection, Pool};
-use crate::submission::Options;
+use crate::submission::{Event, Options};
 
 /// The workers there are.
 pub struct Workers {
