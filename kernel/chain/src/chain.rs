@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
+use pdk_model::scenario::Scenario;
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
@@ -54,6 +55,14 @@ struct Link {
 }
 
 impl Chain {
+    /// The chain of a scenario.
+    ///
+    /// # Errors
+    /// As for [`Chain::new`].
+    pub fn of_scenario(registry: &Registry, scenario: &Scenario) -> Result<Self> {
+        Self::new(registry, &scenario.perturbations, scenario.seed)
+    }
+
     /// Makes the instances. Each draws from a key of its own: the seed, its name, and how many of the same name come before
     /// it; so neither other perturbations nor their order change what it draws.
     ///

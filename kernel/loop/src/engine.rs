@@ -282,8 +282,7 @@ impl<'a> Engine<'a> {
             Ok(registry.driver(&scenario.driver.name, &scenario.driver.parameters)?.0)
         })
         .map_err(Fault::Component)?;
-        let mut chain =
-            Chain::new(registry, &scenario.perturbations, scenario.seed).map_err(Fault::Component)?;
+        let mut chain = Chain::of_scenario(registry, scenario).map_err(Fault::Component)?;
         let by = drive.view.as_ref();
         let mut view =
             by.map(|by| View::new(registry, by, scenario.seed)).transpose().map_err(Fault::Component)?;

@@ -162,12 +162,6 @@ impl Scenario {
     }
 }
 
-/// The seed of a scenario that names none: it follows from the run's seed, the road and the repeat alone, so that drives with
-/// and without perturbations meet the same world. It has at most 53 bits, which Lua and JSON numbers keep.
-pub fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
-    pdk_seed::of_scenario(run_seed, &canonical(road), repeat)
-}
-
 /// The largest seed. From the next number on, Lua and many readers of JSON round.
 pub const LARGEST_SEED: u64 = (1 << 53) - 1;
 

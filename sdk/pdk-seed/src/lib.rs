@@ -6,11 +6,11 @@
 
 #![forbid(unsafe_code)]
 
-mod derive;
+mod key;
 mod stream;
 
-pub use derive::{key, of_frame, of_scenario};
-pub use stream::{Key, Random, normal_quantile};
+pub use key::{Key, key, of_frame, of_scenario};
+pub use stream::{Random, normal_quantile};
 
 // The example in the README compiles.
 #[cfg(doctest)]

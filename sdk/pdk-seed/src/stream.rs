@@ -1,38 +1,7 @@
-//! Random numbers that depend on a key alone.
-//!
-//! A [`Key`] names one component instance in one scenario of one run. From it come any number of ChaCha streams:
-//! one for what is drawn once per sequence and one for every frame. Streams never overlap, and drawing from one
-//! has no effect on another, so a frame's random numbers are the same whether it is computed alone, in order, or
-//! on another thread.
+//! What is drawn from a stream of a [`Key`](crate::Key): numbers, and orders.
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-
-/// The stream that belongs to the sequence as a whole; frames use their own index.
-const SEQUENCE_STREAM: u64 = u64::MAX;
-
-/// The origin of all random numbers of one component instance in one scenario.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(transparent)]
-pub struct Key(pub [u8; 32]);
-
-impl Key {
-    /// The stream for what is drawn once per sequence: where drops sit, which way a blur points.
-    pub fn sequence(&self) -> Random {
-        self.stream(SEQUENCE_STREAM)
-    }
-
-    /// The stream for what is drawn anew for every frame, such as sensor noise.
-    pub fn frame(&self, index: u64) -> Random {
-        self.stream(index)
-    }
-
-    fn stream(&self, stream: u64) -> Random {
-        let mut generator = ChaCha8Rng::from_seed(self.0);
-        generator.set_stream(stream);
-        Random { generator }
-    }
-}
+use rand_chacha::rand_core::Rng;
 
 /// One stream of random numbers.
 #[derive(Debug, Clone)]
@@ -41,6 +10,10 @@ pub struct Random {
 }
 
 impl Random {
+    pub(crate) fn new(generator: ChaCha8Rng) -> Self {
+        Self { generator }
+    }
+
     /// 32 random bits.
     pub fn next_u32(&mut self) -> u32 {
         self.generator.next_u32()
@@ -192,26 +165,7 @@ pub fn normal_quantile(p: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn streams_are_independent_of_each_other_and_of_order() {
-        let key = Key([7; 32]);
-        let mut late = key.frame(9);
-        let expected = late.next_u64();
-        let mut earlier = key.frame(8);
-        (0..100).for_each(|_| {
-            earlier.next_u64();
-        });
-        assert_eq!(key.frame(9).next_u64(), expected);
-        assert_ne!(key.sequence().next_u64(), expected);
-        assert_ne!(key.frame(8).next_u64(), expected);
-    }
-
-    #[test]
-    fn known_answer_pins_the_generator() {
-        // The first bytes of ChaCha8 under a key of zeros. A change here breaks every recorded run.
-        assert_eq!(Key([0; 32]).frame(0).next_u64(), 0xd640_5f89_2fef_003e);
-    }
+    use crate::Key;
 
     #[test]
     fn quantiles_match_published_values() {

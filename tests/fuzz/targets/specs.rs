@@ -9,9 +9,7 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_model::text::parse_value;
-use pdk_pipeline::overrides::Override;
-use pdk_pipeline::run_settings::RunSettings;
-use pdk_pipeline::settings::apply;
+use pdk_pipeline::settings::{Override, apply, split};
 use pdk_road::Road;
 use serde_json::{Value, json};
 
@@ -36,7 +34,7 @@ fuzz_target!(|data: &[u8]| {
     let _ = Region::from_json(&value);
     let overrides: Vec<Override> = text.lines().filter_map(|line| line.parse().ok()).collect();
     let _ = apply(json!({ "a": 1, "b": { "c": "x" }, "list": [1, 2] }), &overrides);
-    let _ = RunSettings::read(overrides);
+    let _ = split(overrides);
     let numbers = |value: &Value| -> Vec<f64> {
         value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
     };

@@ -23,7 +23,7 @@ use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::seed::Key;
 use pdk_session::session::Session;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use self::account::Account;
 use self::components::Components;
@@ -35,16 +35,12 @@ use self::searches::Searches;
 pub use self::setup::Setup;
 pub(crate) use self::tasks::UnderWay;
 use crate::requests::Defaults;
-use crate::run_settings::{RUN_SETTINGS, Setting};
-use crate::settings;
 use crate::{road, table, tables};
 
 /// The state behind the global `pdk` of one pipeline.
 pub struct Host {
     session: Session,
     setup: Setup,
-    /// The pipeline's own settings, once it has declared them.
-    settings: Option<Value>,
     record: RunRecord,
     components: Components,
     scenarios: Scenarios,
@@ -59,7 +55,6 @@ impl Host {
     pub fn new(session: Session, setup: Setup) -> Self {
         Self {
             session,
-            settings: None,
             record: RunRecord::default(),
             components: Components::default(),
             scenarios: Scenarios::default(),
@@ -73,23 +68,7 @@ impl Host {
 
     /// `pdk.settings`: the defaults with what the command line puts in their place.
     pub(crate) fn settings(&mut self, defaults: Value) -> Result<Value> {
-        if self.settings.is_some() {
-            return Err(Error::new("pdk.settings may be called once; put all settings into one table"));
-        }
-        let set = RUN_SETTINGS.iter().find(|setting| defaults.get(setting.name).is_some());
-        if let Some(Setting { name, meaning, .. }) = set {
-            return Err(Error::new(format!(
-                "`{name}` is a setting that every pipeline has ({meaning}); leave it out of pdk.settings"
-            )));
-        }
-        if self.record.directory.is_some() {
-            return Err(Error::new(
-                "pdk.settings has to come before the first pdk.drive or pdk.evaluate, because the record begins there",
-            ));
-        }
-        let settings = settings::apply(defaults, &self.setup.overrides)?;
-        self.settings = Some(settings.clone());
-        Ok(settings)
+        self.setup.settings.declare(defaults, self.record.directory.is_some())
     }
 
     /// Notes what did not go well without ending the run.
@@ -109,9 +88,7 @@ impl Host {
 
     /// The defaults of scenarios.
     pub(crate) fn defaults(&self) -> Defaults {
-        let simulators = self.session.catalog().of_kind(Kind::Simulator);
-        let own_clock = simulators.filter(|entry| !entry.description.clock.is_stepped());
-        Defaults::new(self.setup.common.seed, own_clock.map(|entry| entry.description.name.clone()).collect())
+        Defaults::of_run(&self.setup.common, self.session.catalog())
     }
 
     /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
@@ -202,18 +179,9 @@ impl Host {
         folder.join(relative).to_string_lossy().into_owned()
     }
 
-    /// If the command line sets something although the pipeline has no settings of its own.
-    fn check_overrides(&self) -> Result<()> {
-        match self.settings {
-            Some(_) => Ok(()),
-            // Says that the setting does not exist.
-            None => settings::apply(Value::Object(Map::new()), &self.setup.overrides).map(drop),
-        }
-    }
-
     /// Writes down what is used from here on, before anything is computed with it.
     fn begin(&mut self) -> Result<()> {
-        self.check_overrides()?;
-        self.record.begin(&mut self.setup, self.settings.as_ref())
+        self.setup.settings.check()?;
+        self.record.begin(&mut self.setup)
     }
 }

@@ -19,8 +19,7 @@
 //! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
 //! | `evaluation` | the offline loop: frames to lines and sums; [`readers`] finds which dataset reader a recording needs |
 //! | [`run_settings`] | what can be set for every run |
-//! | [`overrides`] | `--set` |
-//! | [`settings`] | the settings of a pipeline |
+//! | [`settings`] | the settings of a pipeline, and `--set` |
 //! | [`road`] | `pdk.road` |
 //! | `statistics` | how sure a conclusion is |
 //! | [`table`], `tables` | results and free tables for people |
@@ -36,7 +35,6 @@ pub mod host;
 mod levels;
 mod naming;
 mod outcomes;
-pub mod overrides;
 pub mod program;
 #[cfg(test)]
 mod python;

@@ -2,15 +2,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use pdk_components::catalog::Catalog;
+use pdk_model::canonical::canonical;
 use pdk_model::component::ComponentSpec;
 use pdk_model::failure::FailureCriteria;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::{DEFAULT_DURATION, Mode, Scenario, seed_of};
+use pdk_model::scenario::{DEFAULT_DURATION, Mode, Scenario};
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::seed;
 use pdk_session::session::Submission;
 use serde_json::Value;
 
 use crate::fields::Fields;
+use crate::run_settings::RunSettings;
 
 /// Every how many frames an image goes into the trace, where the pipeline does not say.
 const DEFAULT_IMAGES_EVERY: u64 = 6;
@@ -95,10 +100,15 @@ pub struct Defaults {
 }
 
 impl Defaults {
-    /// The default; `own_clock` names the simulators with their own clock, which are driven in real
-    /// time only.
-    pub fn new(seed: u64, own_clock: BTreeSet<String>) -> Self {
-        Self { shared: Shared::default(), seed, own_clock }
+    /// Those of a run in which a pipeline has set none. Simulators with their own clock are driven in real time only.
+    pub fn of_run(settings: &RunSettings, catalog: &Catalog) -> Self {
+        let simulators = catalog.of_kind(Kind::Simulator).map(|entry| &entry.description);
+        let own_clock = simulators.filter(|simulator| !simulator.clock.is_stepped());
+        Self {
+            shared: Shared::default(),
+            seed: settings.seed,
+            own_clock: own_clock.map(|simulator| simulator.name.clone()).collect(),
+        }
     }
 
     /// The defaults in a table such as `pdk.session` takes.
@@ -147,7 +157,7 @@ impl Defaults {
             .map(|perturbation| AppliedPerturbation::from_json(perturbation).map_err(|error| error.at(place)))
             .collect::<Result<Vec<_>>>()?;
         let (name, road) = (fields.text("name")?, fields.any("road"));
-        let (seed, repeat) = (fields.seed("seed")?, fields.whole("repeat")?.unwrap_or_default());
+        let (own_seed, repeat) = (fields.seed("seed")?, fields.whole("repeat")?.unwrap_or_default());
         let Shared { simulator, driver, duration, failure, images_every, mode } =
             self.shared.clone().take(&mut fields)?;
         let needed = |what: &str, component: Option<ComponentSpec>| {
@@ -168,7 +178,7 @@ impl Defaults {
         let scenario = Scenario {
             simulator,
             driver: needed("driver", driver)?,
-            seed: seed.unwrap_or_else(|| seed_of(self.seed, &road, repeat)),
+            seed: own_seed.unwrap_or_else(|| seed::of_scenario(self.seed, &canonical(&road), repeat)),
             road,
             perturbations,
             duration: duration.unwrap_or(DEFAULT_DURATION),
@@ -296,7 +306,8 @@ mod tests {
     use serde_json::json;
 
     fn drive(request: Value) -> Result<Vec<Submission>> {
-        Defaults::new(0, BTreeSet::from(["donkey".to_owned()])).drive(request)
+        let own_clock = BTreeSet::from(["donkey".to_owned()]);
+        Defaults { shared: Shared::default(), seed: 0, own_clock }.drive(request)
     }
 
     #[test]

@@ -20,16 +20,16 @@ use crate::finished::Finished;
 use crate::follow::Audience;
 use crate::host::{Host, Setup};
 use crate::naming::run_name;
-use crate::overrides::Override;
 use crate::run_settings::RunSettings;
+use crate::settings::PipelineSettings;
 
 /// How a pipeline is run.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The settings that every pipeline has.
     pub common: RunSettings,
-    /// What the command line sets besides, in order.
-    pub overrides: Vec<Override>,
+    /// The pipeline's own.
+    pub settings: PipelineSettings,
     /// Where components are looked for besides the usual places.
     pub search: SearchPath,
     /// Who follows the run.
@@ -152,7 +152,7 @@ pub(crate) fn start(
         given,
         search,
         common: options.common,
-        overrides: options.overrides,
+        settings: options.settings,
         audience: options.audience,
     };
     Ok(Host::new(session, setup))

@@ -13,8 +13,6 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 
-use crate::overrides::{Override, refuse_repeated};
-
 /// Something that can be set for every run.
 pub struct Setting {
     /// Its name in `--set` and in Python.
@@ -194,25 +192,6 @@ impl RunSettings {
         (setting.read)(self, text)
     }
 
-    /// Takes what `--set` says about these settings; what it says about others is returned.
-    ///
-    /// # Errors
-    /// If a setting cannot have its value, or is set twice.
-    pub fn read(overrides: Vec<Override>) -> Result<(Self, Vec<Override>)> {
-        refuse_repeated(&overrides)?;
-        let mut settings = Self::default();
-        let mut others = Vec::new();
-        for Override { key, value } in overrides {
-            match RUN_SETTINGS.iter().find(|setting| setting.name == key) {
-                Some(setting) => settings
-                    .set(setting, OsStr::new(&value))
-                    .map_err(|error| error.at(format_args!("--set {key}")))?,
-                None => others.push(Override { key, value }),
-            }
-        }
-        Ok((settings, others))
-    }
-
     /// Where workers come from.
     pub fn pool(&self) -> Pool {
         match (&self.pool, self.workers) {
@@ -236,42 +215,6 @@ impl RunSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn read(texts: &[&str]) -> Result<(RunSettings, Vec<Override>)> {
-        RunSettings::read(texts.iter().map(|text| text.parse().unwrap()).collect())
-    }
-
-    #[test]
-    fn settings_of_every_run_are_taken_out() {
-        let (settings, others) =
-            read(&["seed=9007199254740991", "a=1", "workers=3", "memory=100", "pool=", "engine=x"]).unwrap();
-        assert_eq!(
-            (settings.seed, settings.workers, settings.limits().memory, &settings.pool),
-            ((1 << 53) - 1, Some(3), 100, &None)
-        );
-        assert_eq!(settings.wanted(), BTreeMap::from([("engine", "x")]));
-        assert_eq!(others, ["a=1".parse().unwrap()]);
-        for (text, said) in [
-            ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),
-            ("workers=0", "is not a whole number from 1"),
-            ("seed=-1", "--set seed: `-1` is not a seed: seeds are whole numbers from 0 to 9007199254740991"),
-            ("seed=9007199254740992", "--set seed: `9007199254740992` is not a seed"),
-            ("patience=nan", "is not a positive number of seconds"),
-            ("memory=0", "is not a positive number of MiB"),
-            ("keep_errors=1", "--set keep_errors: `1` is not true or false"),
-        ] {
-            let error = read(&[text]).unwrap_err().to_string();
-            assert!(error.contains(said), "{error}");
-        }
-    }
-
-    #[test]
-    fn what_is_set_twice_is_refused() {
-        let error = read(&["frames=7", "model=x", "frames=8"]).unwrap_err().to_string();
-        assert_eq!(error, "--set frames is given more than once; give it once");
-        assert!(read(&["seed=1", "seed=1"]).is_err());
-        assert!(read(&["simulator=donkey", "simulator.port=9091"]).is_ok());
-    }
 
     /// A default that help names is the default.
     #[test]

@@ -1,14 +1,118 @@
-//! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
+//! The settings of a pipeline: the defaults that it declares, and what `--set KEY=VALUE` puts in their place.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 
 use pdk_components::suggest;
 use pdk_model::text::{parse_json, parse_value};
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
-use crate::overrides::Override;
-use crate::run_settings::RUN_SETTINGS;
+use crate::run_settings::{RUN_SETTINGS, RunSettings, Setting};
+
+/// One `--set KEY=VALUE`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Override {
+    /// The setting; dots lead into tables.
+    pub key: String,
+    /// The value as it was written.
+    pub value: String,
+}
+
+impl std::str::FromStr for Override {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.split_once('=') {
+            Some((key, value)) if !key.trim().is_empty() => {
+                Ok(Self { key: key.trim().to_owned(), value: value.to_owned() })
+            }
+            _ => Err(Error::new(format!("`{text}` sets nothing; write KEY=VALUE"))),
+        }
+    }
+}
+
+/// Refuses what sets the same twice: one of the values would be dropped without a word.
+///
+/// # Errors
+/// Names the first that is there twice.
+pub fn refuse_repeated(overrides: &[Override]) -> Result<()> {
+    let mut seen = BTreeSet::new();
+    match overrides.iter().find(|given| !seen.insert(given.key.as_str())) {
+        Some(Override { key, .. }) => {
+            Err(Error::new(format!("--set {key} is given more than once; give it once")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Parts what `--set` says about the settings that every run has from what it says about the pipeline's own.
+///
+/// # Errors
+/// If a setting of every run cannot have its value, or a setting is set twice.
+pub fn split(overrides: Vec<Override>) -> Result<(RunSettings, PipelineSettings)> {
+    refuse_repeated(&overrides)?;
+    let (mut common, mut own) = (RunSettings::default(), PipelineSettings::default());
+    for Override { key, value } in overrides {
+        match RUN_SETTINGS.iter().find(|setting| setting.name == key) {
+            Some(setting) => common
+                .set(setting, OsStr::new(&value))
+                .map_err(|error| error.at(format_args!("--set {key}")))?,
+            None => own.overrides.push(Override { key, value }),
+        }
+    }
+    Ok((common, own))
+}
+
+/// The settings of a pipeline.
+#[derive(Debug, Clone, Default)]
+pub struct PipelineSettings {
+    /// What the command line sets, in order.
+    overrides: Vec<Override>,
+    /// All of them, once the pipeline has declared them.
+    declared: Option<Value>,
+}
+
+impl PipelineSettings {
+    /// What `pdk.settings` returns: the defaults with the overrides in their place. `recorded` says whether the record has begun, which
+    /// holds them.
+    ///
+    /// # Errors
+    /// If settings were declared before, or too late, or one is the name of a setting that every run has, or an override does not fit.
+    pub(crate) fn declare(&mut self, defaults: Value, recorded: bool) -> Result<Value> {
+        if self.declared.is_some() {
+            return Err(Error::new("pdk.settings may be called once; put all settings into one table"));
+        }
+        let set = RUN_SETTINGS.iter().find(|setting| defaults.get(setting.name).is_some());
+        if let Some(Setting { name, meaning, .. }) = set {
+            return Err(Error::new(format!(
+                "`{name}` is a setting that every pipeline has ({meaning}); leave it out of pdk.settings"
+            )));
+        }
+        if recorded {
+            return Err(Error::new(
+                "pdk.settings has to come before the first pdk.drive or pdk.evaluate, because the record begins there",
+            ));
+        }
+        Ok(self.declared.insert(apply(defaults, &self.overrides)?).clone())
+    }
+
+    /// All of them, once the pipeline has declared them.
+    pub(crate) fn declared(&self) -> Option<&Value> {
+        self.declared.as_ref()
+    }
+
+    /// Refuses overrides of a pipeline that has declared no settings.
+    ///
+    /// # Errors
+    /// Says that the setting does not exist.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.declared {
+            Some(_) => Ok(()),
+            None => apply(Value::Object(Map::new()), &self.overrides).map(drop),
+        }
+    }
+}
 
 /// Puts the overrides in the place of the defaults.
 ///
@@ -117,6 +221,8 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use serde_json::json;
 
@@ -198,5 +304,41 @@ mod tests {
             assert!(error(text).contains(" is not a list; write it as JSON"), "{}", error(text));
         }
         assert!(error("levels=a").contains("`a` is not a number"));
+    }
+
+    fn read(texts: &[&str]) -> Result<(RunSettings, PipelineSettings)> {
+        split(texts.iter().map(|text| text.parse().unwrap()).collect())
+    }
+
+    #[test]
+    fn settings_of_every_run_are_taken_out() {
+        let (settings, others) =
+            read(&["seed=9007199254740991", "a=1", "workers=3", "memory=100", "pool=", "engine=x"]).unwrap();
+        assert_eq!(
+            (settings.seed, settings.workers, settings.limits().memory, &settings.pool),
+            ((1 << 53) - 1, Some(3), 100, &None)
+        );
+        assert_eq!(settings.wanted(), BTreeMap::from([("engine", "x")]));
+        assert_eq!(others.overrides, ["a=1".parse().unwrap()]);
+        for (text, said) in [
+            ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),
+            ("workers=0", "is not a whole number from 1"),
+            ("seed=-1", "--set seed: `-1` is not a seed: seeds are whole numbers from 0 to 9007199254740991"),
+            ("seed=9007199254740992", "--set seed: `9007199254740992` is not a seed"),
+            ("patience=nan", "is not a positive number of seconds"),
+            ("memory=0", "is not a positive number of MiB"),
+            ("keep_errors=1", "--set keep_errors: `1` is not true or false"),
+        ] {
+            let error = read(&[text]).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_set_twice_is_refused() {
+        let error = read(&["frames=7", "model=x", "frames=8"]).unwrap_err().to_string();
+        assert_eq!(error, "--set frames is given more than once; give it once");
+        assert!(read(&["seed=1", "seed=1"]).is_err());
+        assert!(read(&["simulator=donkey", "simulator.port=9091"]).is_ok());
     }
 }

@@ -8,11 +8,13 @@
 
 use indicatif::ProgressBar;
 use pdk_loop::protocol::Drive;
+use pdk_model::canonical::canonical;
 use pdk_model::level::Level;
 use pdk_model::outcome::{Cause, Outcome};
-use pdk_model::scenario::{Scenario, seed_of};
+use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::seed;
 use pdk_session::session::{Reply, Session};
 use pdk_statistics::estimate::{CONFIDENCE, Estimate};
 use pdk_statistics::share::share;
@@ -269,8 +271,9 @@ impl Shrinking<'_> {
 
     /// Under how many of the fresh seeds it fails, of those under which no component failed, which says nothing about it.
     fn fresh(&mut self, draws: usize) -> Result<(usize, usize)> {
-        let Scenario { seed, ref road, .. } = self.scenario;
-        let seeds: Vec<u64> = (1..=draws as u64).map(|repeat| seed_of(seed, road, repeat)).collect();
+        let (seed, road) = (self.scenario.seed, canonical(&self.scenario.road));
+        let seeds: Vec<u64> =
+            (1..=draws as u64).map(|repeat| seed::of_scenario(seed, &road, repeat)).collect();
         let scenarios = seeds.into_iter().map(|seed| Scenario { seed, ..self.scenario.clone() }).collect();
         let outcomes = self.drive(scenarios)?;
         let judged = || outcomes.iter().filter(|outcome| outcome.cause != Cause::Error);

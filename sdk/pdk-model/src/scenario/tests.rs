@@ -9,6 +9,11 @@ use super::*;
 use crate::failure::Comparison;
 use crate::level::Level;
 
+/// The seed of a scenario that names none.
+fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
+    pdk_seed::of_scenario(run_seed, &canonical(road), repeat)
+}
+
 fn lane() -> Scenario {
     Scenario::new(ComponentSpec::new("lane"), ComponentSpec::new("lane_keeper"))
 }

@@ -64,7 +64,7 @@ impl Host {
             ))
         });
         self.account.warnings.extend(troubles.into_iter().skip(1));
-        let overrides = self.check_overrides().err();
+        let overrides = self.setup.settings.check().err();
         // Also where the script made something else of it.
         let undriven = self.scenarios.outcomes.values().find_map(|outcome| outcome.as_ref().err().cloned());
         let failures = [script.err(), rest.err(), undriven, written.err(), scenarios, trouble, overrides];

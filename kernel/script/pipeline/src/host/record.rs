@@ -38,14 +38,14 @@ impl RunRecord {
     ///
     /// # Errors
     /// If it cannot be written, or the folder holds the record of another run.
-    pub fn begin(&mut self, setup: &mut Setup, settings: Option<&Value>) -> Result<()> {
+    pub fn begin(&mut self, setup: &mut Setup) -> Result<()> {
         let directory = self.open(setup)?;
         setup.pipeline.modules = (setup.modules)();
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
             seed: setup.common.seed,
             pipeline: Pipeline { path: recorded(&setup.pipeline.path), ..setup.pipeline.clone() },
-            settings: settings.cloned().unwrap_or_default(),
+            settings: setup.settings.declared().cloned().unwrap_or_default(),
             folder: located::from_record(directory.path()),
             plugins: setup.given.0.clone(),
             drop_ins: setup.given.1.clone(),

@@ -6,8 +6,8 @@ use pdk_components::search_path::SearchPath;
 use pdk_record::manifest::{Module, Pipeline};
 
 use crate::follow::Audience;
-use crate::overrides::Override;
 use crate::run_settings::RunSettings;
+use crate::settings::PipelineSettings;
 
 /// What was given at the start of a run.
 pub struct Setup {
@@ -21,8 +21,8 @@ pub struct Setup {
     pub search: SearchPath,
     /// The settings that every run has.
     pub common: RunSettings,
-    /// What `--set` puts in the place of the pipeline's own settings.
-    pub overrides: Vec<Override>,
+    /// The pipeline's own settings.
+    pub settings: PipelineSettings,
     /// Who follows the run.
     pub audience: Audience,
 }

@@ -13,7 +13,7 @@ use pdk_components::loader::Plugin;
 use pdk_components::suggest;
 use pdk_model::text::parse_value;
 use pdk_notice::println;
-use pdk_pipeline::overrides::{Override, refuse_repeated};
+use pdk_pipeline::settings::{Override, refuse_repeated};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};

@@ -11,7 +11,7 @@ use pdk_components::registry::Registry;
 use pdk_components::search_path::{self, PATH_VARIABLE};
 use pdk_lua::LuaScripts;
 use pdk_notice::println;
-use pdk_pipeline::overrides::Override;
+use pdk_pipeline::settings::Override;
 use pdk_sdk::SDK_VERSION;
 use pdk_sdk::abi::pdk_abi;
 use pdk_sdk::cache::{self, Cache};

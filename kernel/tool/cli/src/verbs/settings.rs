@@ -5,9 +5,9 @@ use std::ffi::OsString;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use pdk_pipeline::follow::Audience;
-use pdk_pipeline::overrides::Override;
 use pdk_pipeline::run::Options;
-use pdk_pipeline::run_settings::{RUN_SETTINGS, RunSettings, Setting};
+use pdk_pipeline::run_settings::{RUN_SETTINGS, Setting};
+use pdk_pipeline::settings::{Override, split};
 use pdk_sdk::error::Result;
 
 use super::Global;
@@ -26,11 +26,11 @@ impl Settings {
     /// # Errors
     /// If a setting cannot have its value.
     pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
-        let (mut common, overrides) = RunSettings::read(self.overrides.clone())?;
+        let (mut common, settings) = split(self.overrides.clone())?;
         for (setting, value) in &self.flags {
             common.set(setting, value)?;
         }
-        Ok(Options { common, overrides, search: global.search_path(), audience })
+        Ok(Options { common, settings, search: global.search_path(), audience })
     }
 }
 

@@ -6,7 +6,7 @@ use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_model::text::parse_value;
-use pdk_pipeline::overrides::{Override, refuse_repeated};
+use pdk_pipeline::settings::{Override, refuse_repeated};
 use pdk_sdk::describe::{Clock, Kind};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Camera, Control, FrameBuf, Simulator, State};
