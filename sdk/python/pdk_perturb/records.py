@@ -74,8 +74,9 @@ class Record:
     def scenarios(self) -> pandas.DataFrame:
         """A row for each scenario, in the order of submission: what it is, and what came of it. Needs pandas.
 
-        Of what a scenario is there are `id`, `name`, `simulator`, `driver`, `road`, `duration`, `mode`, `seed`, `repeat`, and, where it
-        has one perturbation, `perturbation` and `level`; `perturbations` has all of them as texts. The rest is the outcome.
+        Of what a scenario is there are `id`, `name`, `simulator`, `driver`, `road`, its plain fields such as `duration`, `mode`, `seed` and
+        `repeat`, and, if it has one perturbation, `perturbation` and `level`; `perturbations` has all of them as texts. The rest is
+        the outcome.
         """
         pandas = _pandas("a record as a frame")
         rows = []
@@ -85,6 +86,11 @@ class Record:
             one = applied[0] if len(applied) == 1 else {}
             level = one.get("level")
             measures = line.pop("measures", None) or {}
+            plain = {
+                field: value
+                for field, value in scenario.items()
+                if field != "road" and not isinstance(value, (dict, list))
+            }
             rows.append(
                 {
                     "id": line.pop("id"),
@@ -95,10 +101,11 @@ class Record:
                     "perturbation": one.get("name"),
                     "level": level if isinstance(level, (int, float)) else None,
                     "perturbations": [_text(perturbation) for perturbation in applied],
-                    "duration": scenario["duration"],
-                    "mode": scenario.get("mode", "lockstep"),
-                    "seed": scenario["seed"],
-                    "repeat": scenario.get("repeat", 0),
+                    "duration": None,
+                    "mode": "lockstep",
+                    "seed": None,
+                    "repeat": 0,
+                    **plain,
                     "images_every": line.pop("images_every"),
                     "verdict": _pdk.verdict(line["cause"]),
                     **line,
