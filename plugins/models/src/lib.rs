@@ -7,18 +7,13 @@
 //! [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
 //! [`picture`].
 
-mod driver;
 mod engine;
 mod locate;
-mod mask;
 mod mathematics;
 mod model_file;
 mod onnxruntime;
-mod perturbation;
 mod picture;
-mod predictor;
 mod processor;
-mod saliency;
 mod session;
 mod tract;
 
@@ -26,6 +21,69 @@ mod tract;
 mod fixture;
 #[cfg(test)]
 mod gradient_tests;
+#[cfg(test)]
+mod saliency_tests;
+
+mod driver {
+    //! The drivers: [`onnx`] runs a network in a file, the others those that are part of this plugin: [`built_in`] has them by name, and
+    //! [`trained`] what they share.
+
+    pub mod built_in;
+    pub mod dave2;
+    pub mod dave2_augmented;
+    pub mod dave2_temporal;
+    pub mod dave2_tub;
+    pub mod onnx;
+    pub mod trained;
+}
+
+mod perturbation {
+    //! The perturbations: [`repaint`] runs a network in a file, the others those that are part of this plugin ([`painter`]).
+
+    pub mod artistic;
+    pub mod night;
+    pub mod painter;
+    pub mod rainy;
+    pub mod repaint;
+}
+
+mod mask {
+    //! Masks.
+
+    pub mod segmentation;
+}
+
+mod predictor {
+    //! The predictors: [`network`] gives all outputs of a network in a file.
+
+    pub mod network;
+}
+
+mod saliency {
+    //! Saliency methods: which pixels a network looks at when it steers.
+    //!
+    //! [`viewer`] opens the model and prepares frames as the driver does. [`derived`] runs graphs that are built from the
+    //! model's. A method makes a [`grid`] of cells, which has a sign and is laid over the frame by where the cells look; of recorded frames it
+    //! is [`kept`]. Methods by gradients are in [`cam`] and [`gradient`]; [`eigen_cam`], [`score_cam`], [`rise`] and [`occlusion`] need none,
+    //! so that they work with operators whose gradient is not known.
+
+    pub mod cam;
+    pub mod derived;
+    pub mod eigen_cam;
+    pub mod grad_cam;
+    pub mod grad_cam_plus_plus;
+    pub mod grad_cam_published;
+    pub mod gradient;
+    pub mod grid;
+    pub mod hirescam;
+    pub mod kept;
+    pub mod method;
+    pub mod occlusion;
+    pub mod rise;
+    pub mod score_cam;
+    pub mod smooth_grad;
+    pub mod viewer;
+}
 
 /// Reads a model, prepares it and runs it once: what fuzzing tries.
 ///
@@ -42,25 +100,30 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
 
 pdk_sdk::export! {
     drivers: [
-        driver::Onnx,
-        driver::Dave2,
-        driver::Dave2Augmented,
-        driver::Dave2Temporal,
-        driver::Dave2Tub,
+        driver::onnx::Onnx,
+        driver::dave2::Dave2,
+        driver::dave2_augmented::Dave2Augmented,
+        driver::dave2_temporal::Dave2Temporal,
+        driver::dave2_tub::Dave2Tub,
     ],
-    perturbations: [perturbation::Repaint, perturbation::Night, perturbation::Rainy, perturbation::Artistic],
-    masks: [mask::Segmentation],
-    predictors: [predictor::Network],
+    perturbations: [
+        perturbation::repaint::Repaint,
+        perturbation::night::Night,
+        perturbation::rainy::Rainy,
+        perturbation::artistic::Artistic,
+    ],
+    masks: [mask::segmentation::Segmentation],
+    predictors: [predictor::network::Network],
     saliencies: [
-        saliency::GradCam,
-        saliency::GradCamPlusPlus,
-        saliency::HiResCam,
-        saliency::PublishedGradCam,
-        saliency::Gradient,
-        saliency::SmoothGrad,
-        saliency::EigenCam,
-        saliency::ScoreCam,
-        saliency::Rise,
-        saliency::Occlusion,
+        saliency::grad_cam::GradCam,
+        saliency::grad_cam_plus_plus::GradCamPlusPlus,
+        saliency::hirescam::HiResCam,
+        saliency::grad_cam_published::PublishedGradCam,
+        saliency::gradient::Gradient,
+        saliency::smooth_grad::SmoothGrad,
+        saliency::eigen_cam::EigenCam,
+        saliency::score_cam::ScoreCam,
+        saliency::rise::Rise,
+        saliency::occlusion::Occlusion,
     ],
 }

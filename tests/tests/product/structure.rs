@@ -51,8 +51,11 @@ fn no_two_files_of_a_crate_import_each_other() {
     for folder in crates() {
         let sources = sources(&folder);
         let modules: BTreeSet<_> = sources.iter().map(|source| source.module.clone()).collect();
-        let imports: BTreeMap<_, _> =
-            sources.iter().map(|source| (source.module.clone(), imports(source, &modules))).collect();
+        let passed_on = passed_on(&sources, &modules);
+        let imports: BTreeMap<_, _> = sources
+            .iter()
+            .map(|source| (source.module.clone(), imports(source, &modules, &passed_on)))
+            .collect();
         rings.extend(rings_of(&imports).into_iter().map(|ring| format!("{folder}: {}", ring.join(", "))));
     }
     assert!(rings.is_empty(), "these files import each other:\n{}", rings.join("\n"));
@@ -173,50 +176,89 @@ fn lines_of_code(code: &str) -> usize {
     code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//")).count()
 }
 
-/// The modules from whose files a file takes something, without those that it declares itself. The root of a crate only passes on what others
-/// hold, so what is taken through it is not counted.
-fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<String>> {
-    let code: String =
-        source.code.lines().filter(|line| !line.trim().starts_with("//")).collect::<Vec<_>>().join("\n");
-    let mut found = BTreeSet::new();
-    for path in paths(&code) {
-        let mut at = match path.first().map(String::as_str) {
-            Some("crate") => Vec::new(),
-            Some("self") => source.module.clone(),
-            Some("super") => source.module[..source.module.len().saturating_sub(1)].to_vec(),
-            // A module that this file declares.
-            Some(name) => {
-                let child = [source.module.clone(), vec![name.to_owned()]].concat();
-                if !modules.contains(&child) {
-                    continue;
-                }
-                found.extend(deepest(child, &path[1..], modules));
-                continue;
+/// The names that files pass on from others with `pub use`, with the files that they come from.
+type PassedOn = BTreeMap<(Vec<String>, String), Vec<String>>;
+
+fn passed_on(sources: &[Source], modules: &BTreeSet<Vec<String>>) -> PassedOn {
+    let mut found = PassedOn::new();
+    for source in sources {
+        let code = without_comments(&source.code);
+        let statements = code.split(';').filter_map(|statement| {
+            let (before, path) = statement.rsplit_once("use ")?;
+            // Behind the end of the statement before, there is the visibility alone.
+            before
+                .trim()
+                .rsplit(['}', '\n'])
+                .next()
+                .is_some_and(|word| word.starts_with("pub"))
+                .then_some(path)
+        });
+        for path in statements.flat_map(paths) {
+            if let Some((file, rest)) = place(&source.module, &path, modules)
+                && let Some(name) = rest.first()
+                && file != source.module
+            {
+                found.insert((source.module.clone(), name.clone()), file);
             }
-            None => continue,
-        };
-        let mut rest = &path[1..];
-        while rest.first().is_some_and(|part| part == "super") {
-            at.pop();
-            rest = &rest[1..];
         }
-        found.extend(deepest(at, rest, modules));
+    }
+    found
+}
+
+/// The modules from whose files a file takes something, without those that it declares itself. The root of a crate is not counted.
+fn imports(source: &Source, modules: &BTreeSet<Vec<String>>, passed_on: &PassedOn) -> BTreeSet<Vec<String>> {
+    let mut found = BTreeSet::new();
+    for path in paths(&without_comments(&source.code)) {
+        let Some((mut file, rest)) = place(&source.module, &path, modules) else { continue };
+        while let Some(origin) = rest.first().and_then(|name| passed_on.get(&(file.clone(), name.clone()))) {
+            file = origin.clone();
+        }
+        found.insert(file);
     }
     // A module consists of those that it declares, so it knows them.
     found.retain(|module| !module.starts_with(&source.module) && !module.is_empty());
     found
 }
 
-/// The file that a path ends in.
-fn deepest(mut at: Vec<String>, rest: &[String], modules: &BTreeSet<Vec<String>>) -> Option<Vec<String>> {
-    for part in rest {
-        let child = [at.clone(), vec![part.clone()]].concat();
-        if !modules.contains(&child) {
+fn without_comments(code: &str) -> String {
+    code.lines().filter(|line| !line.trim().starts_with("//")).collect::<Vec<_>>().join("\n")
+}
+
+/// The file that a path in a module leads to, and what it names in there. A module on the way may be written inside of another file, as a list
+/// of its files.
+fn place(
+    module: &[String],
+    path: &[String],
+    modules: &BTreeSet<Vec<String>>,
+) -> Option<(Vec<String>, Vec<String>)> {
+    let mut rest = &path[1..];
+    let mut at = match path.first()?.as_str() {
+        "crate" => Vec::new(),
+        "self" => module.to_vec(),
+        "super" => module[..module.len().saturating_sub(1)].to_vec(),
+        // A module that this file declares.
+        name => {
+            let child = [module, &[name.to_owned()]].concat();
+            if !modules.contains(&child) {
+                return None;
+            }
+            child
+        }
+    };
+    while rest.first().is_some_and(|part| part == "super") {
+        at.pop();
+        rest = &rest[1..];
+    }
+    let mut found = modules.contains(&at).then(|| (at.clone(), rest));
+    while let Some((part, behind)) = rest.split_first() {
+        (at, rest) = ([at, vec![part.clone()]].concat(), behind);
+        if modules.contains(&at) {
+            found = Some((at.clone(), rest));
+        } else if !modules.iter().any(|module| module.starts_with(&at)) {
             break;
         }
-        at = child;
     }
-    modules.contains(&at).then_some(at)
+    found.map(|(file, rest)| (file, rest.to_vec()))
 }
 
 /// All paths of a source, with the braces of imports written out.
@@ -307,4 +349,26 @@ fn paths_are_written_out_and_rings_are_found() {
         graph(&[("a", "b"), ("b", "c"), ("c", "a"), ("d", "a")]),
         BTreeSet::from([vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]])
     );
+}
+
+#[test]
+fn a_name_that_is_passed_on_comes_from_the_file_that_has_it() {
+    let source = |module: &[&str], code: &str| Source {
+        module: module.iter().map(|&part| part.to_owned()).collect(),
+        code: code.to_owned(),
+    };
+    let sources = [
+        source(&["a"], "mod b;\nmod c;\n\npub use b::B;\npub(crate) use self::c::{C, D};"),
+        source(&["a", "b"], "use super::C;\npub struct B;"),
+        source(&["a", "c"], "use super::B;\npub struct C;"),
+        // Its module is written inside of the root.
+        source(&["list", "d"], "use crate::a::D;\nuse super::e::E;"),
+        source(&["list", "e"], "use crate::list::d;"),
+    ];
+    let modules: BTreeSet<_> = sources.iter().map(|source| source.module.clone()).collect();
+    let passed_on = passed_on(&sources, &modules);
+    let imports: BTreeMap<_, _> =
+        sources.iter().map(|source| (source.module.clone(), imports(source, &modules, &passed_on))).collect();
+    let ring = |files: [&str; 2]| files.map(str::to_owned).to_vec();
+    assert_eq!(rings_of(&imports), BTreeSet::from([ring(["a::b", "a::c"]), ring(["list::d", "list::e"])]));
 }

@@ -22,8 +22,8 @@ pub const API: ApiTable = ApiTable {
             name: "settings",
             signature: "<T>(defaults: T) -> T",
             doc: "Declares the settings of the pipeline with their defaults, and returns them with what `--set` puts in \
-                  their place. May be called once. `seed`, `workers`, `out`, `patience`, `memory`, `pool` and `shard` are there in every \
-                  pipeline.",
+                  their place. May be called once. `seed` and the other settings of every run, which `pdk run --help` lists, are \
+                  there in every pipeline.",
             make: |lua| function(lua, "pdk.settings", |host, [defaults]| host.settings(defaults)),
         },
         ApiFunction {

@@ -43,7 +43,7 @@ macro_rules! painter {
 
         #[doc = concat!($doc, ".")]
         pub struct $painter {
-            repaint: super::Repaint,
+            repaint: super::repaint::Repaint,
         }
 
         impl $painter {
@@ -107,7 +107,9 @@ fn with_style(content: &[u8], style: usize) -> Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Artistic, Night, Rainy};
+    use super::super::artistic::Artistic;
+    use super::super::night::Night;
+    use super::super::rainy::Rainy;
     use super::*;
     use crate::gradient_tests::engines;
     use pdk_sdk::config::frame_values;

@@ -7,7 +7,7 @@ use pdk_sdk::prelude::*;
 use super::grid::{Grid, Sign};
 use super::kept::Kept;
 use super::viewer::Viewer;
-use crate::driver;
+use crate::driver::built_in;
 use crate::model_file;
 
 /// How a frame becomes a grid.
@@ -62,7 +62,7 @@ impl<M: Method> Component for Map<M> {
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
         let model = config.text("model");
-        Ok(if driver::content(model).is_some() { Vec::new() } else { model_file::files_beside(model) })
+        Ok(if built_in::content(model).is_some() { Vec::new() } else { model_file::files_beside(model) })
     }
 }
 

@@ -7,7 +7,7 @@ use pdk_onnx::Target;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::driver;
+use crate::driver::{built_in, trained};
 use crate::engine;
 use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
@@ -58,7 +58,7 @@ pub fn common_parameters(description: Description) -> Description {
 
 /// Where the model of this name is: in a file, or part of this plugin.
 fn source(name: &str) -> Source {
-    match driver::content(name) {
+    match built_in::content(name) {
         Some(content) => Source::BuiltIn(content.into()),
         None => Source::File(name.into()),
     }
@@ -75,7 +75,7 @@ impl Viewer {
             Source::File(path) => Given::of(config, Some(path))?,
             Source::BuiltIn(_) => {
                 let mut given = Given::of(config, None)?;
-                driver::own_description(&mut given);
+                trained::own_description(&mut given);
                 given
             }
         };

@@ -10,9 +10,18 @@ use pdk_sdk::serde_json::{Value, json};
 use pdk_sdk::testing::check_saliency;
 use tempfile::NamedTempFile;
 
-use super::*;
 use crate::fixture;
 use crate::gradient_tests::engines;
+use crate::saliency::eigen_cam::EigenCam;
+use crate::saliency::grad_cam::GradCam;
+use crate::saliency::grad_cam_plus_plus::GradCamPlusPlus;
+use crate::saliency::grad_cam_published::PublishedGradCam;
+use crate::saliency::gradient::Gradient;
+use crate::saliency::hirescam::HiResCam;
+use crate::saliency::occlusion::Occlusion;
+use crate::saliency::rise::Rise;
+use crate::saliency::score_cam::ScoreCam;
+use crate::saliency::smooth_grad::SmoothGrad;
 
 /// A network that sees brightness in the right half of an image of 32 x 16 and nothing else: a convolution of 4 x 4 with
 /// stride 4, a ReLU, and weights of the cells. `sign` is the sign of those.

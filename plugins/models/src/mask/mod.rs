@@ -1,5 +1,0 @@
-//! Masks.
-
-mod segmentation;
-
-pub use segmentation::Segmentation;
