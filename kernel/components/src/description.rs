@@ -1,12 +1,11 @@
 //! What a description has to keep to, from a plugin as from a script: names that can be written on command lines, in
 //! files and in Lua, no two of them alike, and none that a pipeline uses for something else.
 
+use pdk_model::perturbation::MODIFIERS;
 use pdk_sdk::abi::PluginDescription;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::history::MOST_FRAMES;
-
-use crate::modifiers::MODIFIERS;
 
 /// What the table of a component in a pipeline has besides parameters; that of a perturbation has the modifiers as well.
 const NAME: &str = "name";

@@ -8,7 +8,6 @@
 //! | [`registry`] | finds components and makes instances of them; [`loader`] loads plugins, `door` opens their libraries and proves that they fit, `reading` reads what they say of themselves |
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
-//! | [`modifiers`] | what every perturbation takes besides its own parameters |
 //! | [`suggest`] | the name that was probably meant |
 
 pub mod catalog;
@@ -19,7 +18,6 @@ pub mod hash;
 pub mod inspection;
 pub mod installation;
 pub mod loader;
-pub mod modifiers;
 pub mod product;
 mod reading;
 pub mod registry;

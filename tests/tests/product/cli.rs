@@ -1,6 +1,6 @@
 //! The command line: what every verb offers, output for scripts, exit codes.
 
-use pdk_components::modifiers::{MODIFIERS, Modifier};
+use pdk_model::perturbation::{MODIFIERS, Modifier};
 use pdk_tests::{Pdk, pictures, temp};
 use serde_json::Value;
 

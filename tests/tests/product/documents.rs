@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use pdk_components::modifiers;
 use pdk_model::described;
 use pdk_model::outcome::{Measures, Outcome};
 use pdk_model::scenario::Scenario;
+use pdk_preview::modifiers;
 use pdk_tests::{Pdk, repository, temp};
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use pdk_components::modifiers::MODIFIERS;
+use pdk_model::perturbation::MODIFIERS;
 use pdk_tests::{built, repository, temp};
 
 /// A command that has to succeed, with what it said where it does not.

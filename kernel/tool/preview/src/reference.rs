@@ -1,8 +1,9 @@
 //! The reference: a page for each family of perturbations, written from what they say of themselves.
 
-use pdk_components::modifiers;
 use pdk_sdk::describe::{Description, LEVELS, Parameter, ParameterType, Temporal};
 use serde_json::{Map, Value};
+
+use crate::modifiers;
 
 /// A page of the reference in Markdown.
 pub struct Page {

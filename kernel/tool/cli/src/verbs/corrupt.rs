@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use pdk_components::modifiers;
 use pdk_corrupt::conditions;
 use pdk_corrupt::corrupt::{self, Done};
 use pdk_corrupt::options::{Format, LabelsOption, Options};
 use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
+use pdk_preview::modifiers;
 use pdk_sdk::error::Result;
 use serde_json::json;
 

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use pdk_components::catalog::Entry;
-use pdk_components::modifiers;
 use pdk_components::suggest;
 use pdk_notice::println;
+use pdk_preview::modifiers;
 use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Geometry, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};

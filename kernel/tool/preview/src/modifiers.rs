@@ -1,7 +1,7 @@
 //! What every perturbation takes besides its own parameters, for people. [`MODIFIERS`] is the list, from which the help, `pdk show`, the
 //! reference, the guide and the types for editors are written.
 
-pub use pdk_model::perturbation::{MODIFIERS, Modifier};
+use pdk_model::perturbation::{MODIFIERS, Modifier};
 
 /// One line that names them all.
 pub fn names() -> String {
