@@ -54,8 +54,20 @@ const TRACES: &str = "traces";
 /// Whether a name is that of one of the record's own files, which nothing else may be written to. File systems may not tell small
 /// letters from capitals.
 pub fn is_own(name: &str) -> bool {
-    let own =
-        [MANIFEST, SCENARIOS, RESULTS, JOURNAL, SUMMARY, PERFORMANCE, SHARD, REPORT, VERDICT, CLIPS, LOCK, TRACES];
+    let own = [
+        MANIFEST,
+        SCENARIOS,
+        RESULTS,
+        JOURNAL,
+        SUMMARY,
+        PERFORMANCE,
+        SHARD,
+        REPORT,
+        VERDICT,
+        CLIPS,
+        LOCK,
+        TRACES,
+    ];
     own.iter().any(|own| own.eq_ignore_ascii_case(name))
 }
 

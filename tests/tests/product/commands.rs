@@ -8,7 +8,7 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository, target_folder, temp};
 
 /// Commands that are not run, by their beginnings, and why.
-const NOT_RUN: [(&str, &str); 11] = [
+const NOT_RUN: [(&str, &str); 12] = [
     ("pdk run study", "it drives for hours"),
     ("pdk run greedy --set perturbations=motion_blur", "the guide has a transcript of a smaller one"),
     ("pdk run greedy --set perturbations=gaussian_noise", "the guide has a transcript of a smaller one"),

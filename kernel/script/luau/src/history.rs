@@ -86,14 +86,20 @@ mod tests {
             let time = index as f64 / 20.0;
             let history = kept.before(frame.as_ref(), index as u64);
             let cx = Context::new(2.0, index as u64, time, &key).with_history(history);
-            assert_eq!(run(&mut script, frame, &cx).unwrap(), frames[index.saturating_sub(3)], "frame {index}");
+            assert_eq!(
+                run(&mut script, frame, &cx).unwrap(),
+                frames[index.saturating_sub(3)],
+                "frame {index}"
+            );
             kept.keep(frame.as_ref(), index as u64, time);
         }
     }
 
     #[test]
     fn a_history_that_cannot_be_had_is_refused() {
-        let refused = |fields: &str| make(&format!("return {{ doc = 'x', {fields} }}"), json!({})).err().unwrap().to_string();
+        let refused = |fields: &str| {
+            make(&format!("return {{ doc = 'x', {fields} }}"), json!({})).err().unwrap().to_string()
+        };
         for wrong in ["-1", "2.5", "241", "'all'"] {
             let error = refused(&format!("history = {wrong}, apply = function() end"));
             assert!(error.contains("`history`"), "{error}");

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::heat::{Cell, Columns, Entry, Grid};
+use crate::color::Hue;
+use crate::heat::{Cell, Columns, Entry, Grid, Ramp};
 use crate::text::{self, number, was};
 use crate::view::{Task, TaskNumber};
 
@@ -47,7 +48,7 @@ fn grid(task: &TaskNumber) -> Grid {
     let largest = task.cells.iter().map(|(.., value)| (value - from).abs()).fold(0.0, f64::max);
     let cell = |value: f64, what: String| {
         let share = if largest > 0.0 { (value - from).abs() / largest } else { 0.0 };
-        Cell::new(number(value), format!("{what}: {}", number(value)), share)
+        Cell::new(number(value), format!("{what}: {}", number(value)), Hue::Distance, share).of(Some(value))
     };
     let mut order: Vec<String> = Vec::new();
     let mut entries: Vec<Entry> = Vec::new();
@@ -66,7 +67,8 @@ fn grid(task: &TaskNumber) -> Grid {
         level: None,
         cell: cell(value, "without perturbation".to_owned()),
     }));
-    columns.grid(&entries, &order, ("as without perturbation".to_owned(), format!("{} off", number(largest))))
+    let legend = Ramp::new(Hue::Distance, "as without perturbation", &format!("{} off", number(largest)));
+    columns.grid(&entries, &order, vec![legend])
 }
 
 #[cfg(test)]
@@ -97,7 +99,7 @@ mod tests {
         let worst = grid.rows[0].cells[1].as_ref().unwrap();
         assert_eq!(worst.text, "0.250");
         let nominal = grid.nominal.as_ref().unwrap();
-        assert_eq!(grid.rows[1].cells[1].as_ref().unwrap().ground, nominal.ground);
-        assert_ne!(worst.ground, nominal.ground);
+        assert_eq!(grid.rows[1].cells[1].as_ref().unwrap().shade, nominal.shade);
+        assert_ne!(worst.shade, nominal.shade);
     }
 }

@@ -76,11 +76,11 @@ impl ToolSettings {
     /// # Errors
     /// If a setting cannot have its value.
     pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
-        let mut common = RunSettings::default();
+        let (mut common, settings) = split(Vec::new())?;
         for (setting, value) in &self.flags {
             common.set(setting, value)?;
         }
-        Ok(Options { common, overrides: Vec::new(), search: global.search_path(), audience })
+        Ok(Options { common, settings, search: global.search_path(), audience })
     }
 
     fn all() -> impl Iterator<Item = &'static Setting> {
