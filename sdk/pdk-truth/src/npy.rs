@@ -57,7 +57,10 @@ pub fn read(bytes: &[u8]) -> Result<Array> {
 }
 
 /// How a number of a type is read, and how many bytes it has.
-fn number(kind: &str) -> Option<(Box<dyn Fn(&[u8]) -> f64>, usize)> {
+type Number = (Box<dyn Fn(&[u8]) -> f64>, usize);
+
+/// The type of this name; none if it is not one of real numbers.
+fn number(kind: &str) -> Option<Number> {
     let (order, kind) = kind.split_at_checked(1)?;
     let is_big = match order {
         "<" | "|" | "=" => false,
@@ -65,10 +68,7 @@ fn number(kind: &str) -> Option<(Box<dyn Fn(&[u8]) -> f64>, usize)> {
         _ => return None,
     };
     /// Reads a number of N bytes.
-    fn of<const N: usize>(
-        is_big: bool,
-        read: impl Fn([u8; N]) -> f64 + 'static,
-    ) -> (Box<dyn Fn(&[u8]) -> f64>, usize) {
+    fn of<const N: usize>(is_big: bool, read: impl Fn([u8; N]) -> f64 + 'static) -> Number {
         let one = move |bytes: &[u8]| {
             let mut ordered = [0; N];
             ordered.copy_from_slice(bytes);

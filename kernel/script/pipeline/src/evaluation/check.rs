@@ -28,6 +28,9 @@ pub struct Check {
     pub throttle: NumberCheck,
     /// The share of the frames for which the driver gave no usable number.
     pub failed: f64,
+    /// What it said when it failed first.
+    #[serde(skip)]
+    pub first_failure: Option<String>,
     /// Why the driver cannot be ranked; none if nothing speaks against it.
     pub refusal: Option<String>,
 }
@@ -66,6 +69,7 @@ impl Check {
             steering: number(|control| control.steering),
             throttle: number(|control| control.throttle),
             failed: failed as f64 / all.max(1) as f64,
+            first_failure: None,
             refusal: None,
         }
     }
@@ -96,7 +100,14 @@ impl Check {
         let NumberCheck { error, constant, constant_error, at_limit, same, .. } = self.steering;
         let percent = |share: f64| format!("{:.0} %", share * 100.0);
         if self.failed >= HALF {
-            Some(format!("gives no usable number for {} of the frames as they are", percent(self.failed)))
+            let first = self
+                .first_failure
+                .as_ref()
+                .map_or_else(String::new, |first| format!(" (the first: {first})"));
+            Some(format!(
+                "gives no usable number for {} of the frames as they are{first}",
+                percent(self.failed)
+            ))
         } else if at_limit >= NEARLY_ALWAYS {
             Some(format!(
                 "steers to a limit (-1 or 1) on {} of the frames as they are, and is off by {error:.3} on average",
@@ -198,6 +209,12 @@ mod tests {
                 .contains("same steering on 97 %")
         );
         let silent = Check::of(&[(Control::default(), Control::default()); 20], 80);
+        let said = Check { first_failure: Some("it takes the speed".to_owned()), ..silent.clone() };
+        let said = said.judged(&ComponentSpec::new("x")).refusal.unwrap();
+        assert!(
+            said.contains("80 % of the frames as they are (the first: it takes the speed), so"),
+            "{said}"
+        );
         assert!(
             silent.judged(&ComponentSpec::new("x")).refusal.unwrap().contains("no usable number for 80 %")
         );

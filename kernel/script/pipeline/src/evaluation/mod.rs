@@ -206,20 +206,30 @@ pub fn evaluate(
 fn check(recorded: &[Vec<Frame>], originals: &[Vec<EvaluatedFrame>]) -> Check {
     let mut good: Vec<(Control, Control)> = Vec::new();
     let mut failed = 0;
+    let mut first_failure = None;
     for frame in recorded.iter().flatten() {
         match frame {
             Frame::Good { truth, original, .. } => good.push((*truth, *original)),
-            Frame::Bad(bad) => failed += usize::from(bad.by_driver),
+            Frame::Bad(BadFrame { error, by_driver: true, .. }) => {
+                failed += 1;
+                first_failure.get_or_insert(error);
+            }
+            Frame::Bad(_) => {}
         }
     }
     for frame in originals.iter().flatten() {
         match frame {
             EvaluatedFrame::Good { truth, control, .. } => good.push((*truth, *control)),
-            EvaluatedFrame::Bad { by_driver, .. } => failed += usize::from(*by_driver),
-            EvaluatedFrame::Predicted { .. } => {}
+            EvaluatedFrame::Bad { error, by_driver: true, .. } => {
+                failed += 1;
+                first_failure.get_or_insert(error);
+            }
+            EvaluatedFrame::Bad { .. } | EvaluatedFrame::Predicted { .. } => {}
         }
     }
-    Check::of(&good, failed)
+    let mut check = Check::of(&good, failed);
+    check.first_failure = first_failure.cloned();
+    check
 }
 
 /// The frames of a segment that follow each other without a bad one between them.
