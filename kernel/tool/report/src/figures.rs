@@ -11,7 +11,7 @@ use crate::heat::{Cell, Grid};
 use crate::tables::suffix;
 use crate::tracks::{Track, Tracks};
 use crate::view::Run;
-use crate::{closed_loop, compare, offline, road, search};
+use crate::{closed_loop, compare, offline, road, search, tasks};
 
 /// A picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,6 +78,12 @@ pub fn figures(run: &Run) -> Result<Vec<Figure>> {
         add(format!("steering-error{suffix}"), heat(&section.error, "Mean absolute steering error"));
         add(format!("steering-drift{suffix}"), heat(&section.drift, "Mean absolute drift of the steering"));
         section.curves.iter().for_each(|curves| add(format!("steering-over-level{suffix}"), chart(curves)));
+    }
+    for (place, task) in run.tasks.iter().enumerate() {
+        let (section, suffix) = (tasks::section(task), suffix(place, run.tasks.len()));
+        for (number, (name, grid)) in section.grids.iter().enumerate() {
+            add(format!("task{suffix}-{}", number + 1), heat(grid, &format!("{name} of {}", section.name)));
+        }
     }
     for (place, search) in run.searches.iter().enumerate() {
         let (section, suffix) = (search::section(search)?, suffix(place, run.searches.len()));

@@ -5,7 +5,7 @@ use crate::conclusions::conclusions;
 use crate::heat::{Cell as HeatCell, Grid};
 use crate::text::{level, number, percent, short};
 use crate::view::{Drive, Evaluation, Run};
-use crate::{closed_loop, compare, offline, road};
+use crate::{closed_loop, compare, offline, road, tasks};
 use pdk_sdk::error::Result;
 
 /// A table.
@@ -99,6 +99,13 @@ pub fn tables(run: &Run) -> Result<Vec<Table>> {
         let drift = format!("Mean absolute drift from the steering without perturbation{of}");
         tables.push(of_grid(&format!("steering-drift{suffix}"), &drift, &section.drift));
         tables.push(intervals(evaluation, &suffix, &of));
+    }
+    for (place, task) in run.tasks.iter().enumerate() {
+        let (section, suffix) = (tasks::section(task), suffix(place, run.tasks.len()));
+        for (number, (name, grid)) in section.grids.iter().enumerate() {
+            let title = format!("{name} of {}", section.name);
+            tables.push(of_grid(&format!("task{suffix}-{}", number + 1), &title, grid));
+        }
     }
     Ok(tables)
 }

@@ -11,9 +11,9 @@ use crate::view::{Task, TaskNumber};
 #[derive(Debug, Serialize)]
 pub struct Section {
     number: u64,
-    name: String,
+    pub name: String,
     /// A table for each number of the metric.
-    grids: Vec<(String, Grid)>,
+    pub grids: Vec<(String, Grid)>,
     bad_frames: Vec<(String, String)>,
 }
 

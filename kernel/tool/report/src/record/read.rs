@@ -103,10 +103,15 @@ pub fn read_all(folders: &[PathBuf], page: &Path) -> Result<Read> {
         titles.push(run.title);
         first.warnings.extend(warnings);
         first.run.drives.extend(run.drives);
-        let count = first.run.evaluations.len() as u64;
-        first.run.evaluations.extend(
-            run.evaluations.into_iter().map(|one| crate::Evaluation { number: count + one.number, ..one }),
-        );
+        // Evaluations and tasks of a run share their numbers.
+        let count = (first.run.evaluations.len() + first.run.tasks.len()) as u64;
+        let evaluations = run.evaluations.into_iter();
+        first
+            .run
+            .evaluations
+            .extend(evaluations.map(|one| crate::Evaluation { number: count + one.number, ..one }));
+        let tasks = run.tasks.into_iter();
+        first.run.tasks.extend(tasks.map(|one| crate::Task { number: count + one.number, ..one }));
         first.run.searches.extend(run.searches);
         first.run.unfinished = first.run.unfinished.or_else(|| run.unfinished.clone());
         first.run.others.push(Other { folder: run.folder, unfinished: run.unfinished, setup: run.setup });
