@@ -68,6 +68,28 @@ def banding(
         shutter.
     """
 
+def blank_frames(
+    level: Level = 2.0,
+    *,
+    lost: ByLevel | None = None,
+    burst: ByLevel | None = None,
+    brightness: int | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shows a black picture in place of frames that are lost.
+
+    lost: share of the frames that are lost (0 to 1; by level 0.05, 0.1, 0.2, 0.3, 0.5).
+    burst: how many frames are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 1, 1.5, 2,
+        3, 5).
+    brightness: grey of the picture that is shown: 0 is black, 255 white (0 to 255; default 0).
+    Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960).
+    Not part of the default set.
+    """
+
 def canny_edges_mapping(
     level: Level = 2.0,
     *,
@@ -139,6 +161,24 @@ def defocus_blur(
         5, 6, 9, 12).
     Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
         (2019).
+    """
+
+def delayed_frames(
+    level: Level = 2.0,
+    *,
+    delay: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shows the frame of some time ago, as if the camera were late.
+
+    delay: how much later the driver sees a frame; at most 60 frames (s; 0 to 1; by level 0.05, 0.1, 0.2, 0.35,
+        0.5).
+    Source: Constant latency between exposure and decision.
+    Not part of the default set.
     """
 
 def dirty_lens(
@@ -454,6 +494,28 @@ def frost_filter(
         (2019), with a drawn texture.
     """
 
+def frozen_frames(
+    level: Level = 2.0,
+    *,
+    lost: ByLevel | None = None,
+    burst: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Repeats the last frame that arrived while frames are lost, so that the picture freezes.
+
+    lost: share of the frames that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
+    burst: how many frames are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 2, 4, 6, 10,
+        16).
+    Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); frozen frames are among the camera
+        failures of Secci and Ceccarelli, On failures of RGB cameras and their effects in autonomous driving
+        applications (2020).
+    Not part of the default set.
+    """
+
 def gaussian_blur(
     level: Level = 2.0,
     *,
@@ -485,6 +547,24 @@ def gaussian_noise(
     sigma: standard deviation of the noise (of full scale; 0 to 1; by level 0.03, 0.06, 0.12, 0.18, 0.22).
     Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
         (2019).
+    """
+
+def ghosting(
+    level: Level = 2.0,
+    *,
+    persistence: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets earlier frames shine through, each less than the one after it, so that what moves leaves a trail.
+
+    persistence: share of what was there before in what is shown (0 to 0.99; by level 0.2, 0.4, 0.55, 0.7, 0.85).
+    Source: A recursive filter over time, as in the noise reduction of image signal processors, cut after twelve
+        frames.
+    Not part of the default set.
     """
 
 def glass_blur(
@@ -995,6 +1075,25 @@ def jpeg_filter(
     Source: ITU-T T.81 (1992), baseline with the tables of Annex K, chroma at half the resolution.
     """
 
+def lost_blocks(
+    level: Level = 2.0,
+    *,
+    lost: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Loses runs of 16 x 16 blocks and shows the latest that came in their place, as a decoder that conceals losses
+    does.
+
+    lost: share of the rows of blocks that lose blocks in a frame (0 to 1; by level 0.02, 0.06, 0.15, 0.35, 0.7).
+    Source: A slice is lost from the first damaged macroblock to its end (ITU-T H.264, clause 7.3.4); concealed by
+        copies of the frame before.
+    Not part of the default set.
+    """
+
 def low_pass_filter(
     level: Level = 2.0,
     *,
@@ -1106,6 +1205,28 @@ def overlay(
     key: colour of the screen, such as #05c142; `auto` or nothing: found in the clip.
     seconds: what the clip has beyond this length is not used (s; 0.01 to 3600; default 30.0).
     Source: Chroma keying by screen subtraction: Jack, Video Demystified.
+    Not part of the default set.
+    """
+
+def partial_frames(
+    level: Level = 2.0,
+    *,
+    partial: ByLevel | None = None,
+    missing: ByLevel | None = None,
+    fill: Literal["previous", "last_row", "black"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Loses the lower rows of some frames and fills them as a receiver does, with those of the frame before.
+
+    partial: share of the frames that are not received in full (0 to 1; by level 0.1, 0.2, 0.4, 0.6, 0.9).
+    missing: largest share of the rows that is lost (0 to 1; by level 0.3, 0.5, 0.7, 0.85, 1).
+    fill: what lost rows show: previous: the rows of the frame before; last_row: the last row that was received;
+        black: nothing (default "previous").
+    Source: Transfer that ends early; the rows of the previous frame are what a frame buffer still holds.
     Not part of the default set.
     """
 
@@ -1251,6 +1372,25 @@ def reflection_filter(
     share: share of the height that is reflected, rounded down to whole rows (0 to 1; by level 0.2, 0.3, 0.45, 0.6,
         0.9).
     Source: Linear interpolation without averaging.
+    Not part of the default set.
+    """
+
+def reordered_frames(
+    level: Level = 2.0,
+    *,
+    reordered: ByLevel | None = None,
+    spread: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shows frames out of order: each time one of the latest, drawn at random.
+
+    reordered: share of the frames that are drawn (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    spread: how far back a drawn frame lies at most (frames; 0 to 20; by level 1, 2, 4, 7, 12).
+    Source: Packet reordering with a uniform displacement, as in RFC 4737.
     Not part of the default set.
     """
 
