@@ -296,7 +296,7 @@ fn wrong_settings_are_answered_with_what_there_is() {
         ("perturbations=fogg", &["`fogg`"]),
         ("driver=lane_keper", &["lane_keper", "did you mean `lane_keeper`"]),
         ("duration.unit=3", &["duration.unit", "is not a table"]),
-        ("driver.speed=3", &["dave2", "has no parameter `speed`"]),
+        ("driver.pace=3", &["dave2", "has no parameter `pace`"]),
         (r#"driver={"name":"lane_keeper","speed":3}"#, &["speed", "target_speed"]),
         ("simulator=line", &["simulator", "`line`"]),
         ("seed=-1", &["seed", "whole number"]),

@@ -44,7 +44,8 @@ const BETWEEN_LEVELS: &[(&str, &str)] = &[
 const SEVERITIES: &str = "imagenet_c";
 
 /// Moves of the whole picture: the squared difference grows, but structure is lost all at once and comes back by chance.
-const MOVES: &[&str] = &["reflection_filter", "scale_image", "shear_image", "translate_image"];
+const MOVES: &[&str] =
+    &["delayed_frames", "reflection_filter", "scale_image", "shear_image", "translate_image"];
 
 fn simulated_frames(registry: &Registry) -> Vec<FrameBuf> {
     let size = [("width", 200), ("height", 150)].map(|(name, size)| (name.to_owned(), Value::from(size)));

@@ -24,6 +24,8 @@ pub struct Journal {
     lines: Option<Lines>,
     /// What jobs came to that have not been asked for yet.
     known: BTreeMap<String, Vec<EvaluatedFrame>>,
+    /// The number of the evaluation under way.
+    evaluation: u64,
     /// Frames that were taken for the evaluation under way, and those among them that are perturbed.
     taken: (u64, u64),
 }
@@ -34,7 +36,8 @@ impl Journal {
     /// # Errors
     /// If it cannot be opened.
     pub fn open(path: &Path) -> Result<Self> {
-        let mut journal = Self { path: path.to_owned(), lines: None, known: BTreeMap::new(), taken: (0, 0) };
+        let mut journal =
+            Self { path: path.to_owned(), lines: None, known: BTreeMap::new(), evaluation: 0, taken: (0, 0) };
         if !path.is_file() {
             return Ok(journal);
         }
@@ -50,9 +53,9 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Begins an evaluation: nothing was taken yet.
-    pub fn begin(&mut self) {
-        self.taken = (0, 0);
+    /// Begins the evaluation of this number: nothing was taken yet.
+    pub fn begin(&mut self, evaluation: u64) {
+        (self.evaluation, self.taken) = (evaluation, (0, 0));
     }
 
     /// The frames of a job of the evaluation of this number, if they are known.
@@ -105,11 +108,15 @@ impl Journal {
             .map_or(Ok(()), |lines| lines.truncate(length))
     }
 
-    /// Removes the file, unless it has jobs of a later evaluation.
+    /// Ends the evaluation. Removes the file, unless it has jobs of a later one. What it still has of this one or those before is in the
+    /// file of results: the process was killed before it could forget it.
     ///
     /// # Errors
     /// If it cannot be removed.
     pub fn close(&mut self) -> Result<()> {
+        let of = |key: &str| key.split('/').next().and_then(|number| number.parse::<u64>().ok());
+        let ended = self.evaluation;
+        self.known.retain(|key, _| of(key) > Some(ended));
         match self.known.is_empty() && self.lines.take().is_some() {
             true => fs::remove_file(&self.path).place(format_args!("cannot remove {}", self.path.display())),
             false => Ok(()),
@@ -173,11 +180,18 @@ mod tests {
         let EvaluatedFrame::Good { truth, control, .. } = &frames[0] else { panic!("it is good") };
         assert!(truth.steering.is_nan() && control.steering == 0.1 + 0.2);
         assert!(matches!(&frames[1], EvaluatedFrame::Bad { error, by_driver: true, .. } if error == "cut"));
-        journal.forget(original).unwrap();
-        journal.close().unwrap();
-        assert!(path.exists(), "a job of the file has not been asked for");
         assert_eq!(journal.take(0, &job(Some("fog@1"), 0)).unwrap().len(), 2);
         assert_eq!(journal.taken(), (4, 2));
+        journal.forget(original).unwrap();
+        journal.add(2, &job(None, 0), &[bad]).unwrap();
+        drop(journal);
+        // The first evaluation was killed with a job in the file of results and here. A later one keeps its own.
+        let mut journal = Journal::open(&path).unwrap();
+        journal.begin(0);
+        journal.close().unwrap();
+        assert!(path.exists(), "a job of a later evaluation is in it");
+        journal.begin(2);
+        assert_eq!(journal.take(2, &job(None, 0)).unwrap().len(), 1);
         journal.close().unwrap();
         assert!(!path.exists());
     }

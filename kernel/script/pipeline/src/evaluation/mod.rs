@@ -129,7 +129,7 @@ pub fn evaluate(
     }
     let (started, cells, workers) = (Instant::now(), &evaluation.cells, session.slots());
     let own = evaluation.own();
-    results.journal.begin();
+    results.journal.begin(number);
     let mut recorded = Vec::new();
     for segment in &own {
         let Some(frames) = results.take(number, segment.start..segment.end, cells) else { break };

@@ -108,7 +108,7 @@ impl TaskRun {
         results: &mut Results,
         workers: usize,
     ) -> Self {
-        results.journal.begin();
+        results.journal.begin(number);
         let mut left: VecDeque<Segment> = evaluation.own().into();
         let mut collector = TaskCollector::new(&evaluation.cells);
         while let Some(segment) = left.front()
