@@ -128,3 +128,73 @@ fn a_network_with_another_preprocessing_is_not_ranked() {
         ran.stdout
     );
 }
+
+#[test]
+fn what_shows_earlier_frames_has_them_on_any_number_of_workers() {
+    let folder = temp();
+    onnx::remembering(&folder.path().join("pilot.onnx"), 6, 8, 0.4);
+    recording(&folder.path().join("data"), &remembered(0.4));
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.evaluate({
+            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "tract" },
+            perturbations = { "frozen_frames", "reordered_frames" }, levels = { 3 },
+        })
+        "#,
+    );
+    let run = |workers: &str| {
+        let out = folder.path().join(format!("record-{workers}"));
+        Pdk::new(["run", "--workers", workers, "--out"]).arg(&out).arg(&script).succeed();
+        out
+    };
+    let out = run("1");
+    let changed = json_lines(&out.join("results.jsonl"))
+        .iter()
+        .filter(|line| (steering(line, "perturbed") - steering(line, "original")).abs() > 0.01)
+        .count();
+    assert!(changed > FRAMES as usize / 2, "{changed}");
+    let expected = files(&out);
+    for workers in ["3", "7"] {
+        assert_equal(&run(workers), &expected);
+    }
+
+    let corrupt = |dataset: &str, workers: &str| {
+        let out = folder.path().join(format!("written-{workers}"));
+        let corrupt = Pdk::new([
+            "corrupt",
+            dataset,
+            "--with",
+            "frozen_frames@4",
+            "--labels",
+            "keep",
+            "--workers",
+            workers,
+            "-o",
+        ]);
+        (corrupt.arg(&out).folder(folder.path()), out)
+    };
+    let (one, out) = corrupt("data", "1");
+    one.succeed();
+    let expected = files(&out);
+    let (three, again) = corrupt("data", "3");
+    three.succeed();
+    assert_equal(&again, &expected);
+    // Each picture is that of a frame of the last two seconds, and none is from before the gap.
+    let mut frozen = 0;
+    for frame in 0..FRAMES {
+        let number = if frame < GAP { frame } else { frame + 100 };
+        let ending = format!("/{number}_camera.png");
+        let name = expected.keys().find(|name| format!("/{}", name.display()).ends_with(&ending)).unwrap();
+        let shown = image::open(out.join(name)).unwrap().to_rgb8().get_pixel(0, 0)[0];
+        let first = if frame < GAP { 0 } else { GAP };
+        let back = (0..=40.min(frame - first)).find(|back| grey(frame - back) == shown);
+        frozen += u32::from(back.unwrap_or_else(|| panic!("frame {frame} shows a grey of {shown}")) > 0);
+    }
+    assert!((FRAMES / 2..FRAMES).contains(&frozen), "{frozen}");
+
+    image::RgbImage::new(20, 10).save(folder.path().join("photo.png")).unwrap();
+    std::fs::create_dir(folder.path().join("photos")).unwrap();
+    std::fs::rename(folder.path().join("photo.png"), folder.path().join("photos/photo.png")).unwrap();
+    corrupt("photos", "2").0.fail(1, &["frozen_frames", "shows earlier frames", "photos"]);
+}

@@ -9,6 +9,7 @@ use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_labels::Labels;
+use pdk_loop::sequences;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Place, Result};
@@ -63,6 +64,8 @@ pub struct Worker<'a> {
     /// A chain for each perturbation, for whatever level and seed.
     chains: BTreeMap<String, Chain>,
     dataset: Option<Box<dyn Dataset>>,
+    /// The frames of the recording at which a sequence begins, in order.
+    sequences: Vec<usize>,
     /// Frames of the recording before the one at hand, for perturbations that show them; the next frame needs most of them too.
     recent: BTreeMap<usize, Rc<Entry>>,
     perturbed: FrameBuf,
@@ -97,10 +100,14 @@ impl<'a> Worker<'a> {
             Some(reader) => Some(job.registry.dataset(&reader.name, &reader.parameters)?.0),
             None => None,
         };
+        let sequences = dataset.as_ref().map_or_else(Vec::new, |dataset| {
+            sequences::starts(&(0..dataset.len()).map(|index| dataset.position(index)).collect::<Vec<_>>())
+        });
         Ok(Self {
             job,
             chains: BTreeMap::new(),
             dataset,
+            sequences,
             recent: BTreeMap::new(),
             perturbed: FrameBuf::default(),
         })
@@ -266,16 +273,12 @@ impl<'a> Worker<'a> {
 
     /// The frames before one of a recording, as many as a chain needs; none before a picture that stands alone.
     fn earlier(&mut self, situation: &Situation, history: usize) -> Result<Vec<(usize, Rc<Entry>)>> {
-        let Some(dataset) = self.dataset.as_ref().filter(|_| history > 0 && situation.recorded) else {
+        if history == 0 || !situation.recorded {
             return Ok(Vec::new());
-        };
+        }
         let index = situation.frame as usize;
-        let part = |index: usize| dataset.position(index).part;
-        let first = (index.saturating_sub(history)..index)
-            .rev()
-            .take_while(|earlier| part(*earlier) == part(index))
-            .last()
-            .unwrap_or(index);
+        let begins = self.sequences[..self.sequences.partition_point(|begin| *begin <= index)].last();
+        let first = index.saturating_sub(history).max(begins.copied().unwrap_or(0));
         self.recent
             .retain(|earlier, _| (index.saturating_sub(MOST_FRAMES as usize)..index).contains(earlier));
         (first..index)

@@ -94,7 +94,7 @@ fn in_mask(field: &str, value: &Value) -> Result<u16> {
 pub fn distances(fields: &mut Fields) -> Result<(Distances, InputFiles)> {
     let (labels, files) = beside(fields, &["png", "npy"])?;
     let mut positive = |field: &str| match fields.number(field)? {
-        Some(number) if !(number > 0.0) => {
+        Some(number) if number.is_nan() || number <= 0.0 => {
             Err(Error::new(format!("task: `{field}` is {number}, but has to be more than 0")))
         }
         number => Ok(number),
