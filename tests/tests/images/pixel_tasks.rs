@@ -24,7 +24,7 @@ fn pictures(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     for number in 0..PICTURES {
         let picture = RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
-            let strongest = below(number, x / 8, y / 8, 3) as usize;
+            let strongest = below(number, x / 8, y / 8, 3);
             let value = |channel: usize| {
                 60 + below(number, x, y, 30) as u8 + if channel == strongest { 40 } else { 0 }
             };
@@ -87,7 +87,7 @@ fn overlaps_of_a_segmentation_are_those_of_a_plain_program() {
                 0 => below(number, x + 200, y, 3),
                 _ => below(number, x / 4, y / 4, 3),
             };
-            Luma([if below(number, x + 300, y, 12) == 0 { 255_u8 } else { [0, 7, 9][class as usize] }])
+            Luma([if below(number, x + 300, y, 12) == 0 { 255_u8 } else { [0, 7, 9][class] }])
         });
         mask.save(folder.path().join(format!("masks/{number:02}.png"))).unwrap();
     }
@@ -224,7 +224,7 @@ fn boxes_of_yolo_count_as_those_of_coco() {
             }})"#
         );
         let out = folder.path().join(format!("record-{labels}"));
-        Pdk::new(["run", "--out"]).arg(&out).arg(&pipeline(folder.path(), &source)).succeed();
+        Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), &source)).succeed();
         json_file(&out.join("summary.json"))["evaluations"][0].clone()
     };
     let (coco, yolo) = (run("coco.json"), run("yolo"));
