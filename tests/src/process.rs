@@ -235,3 +235,15 @@ pub fn json_file(path: &Path) -> Value {
     let text = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_slice(&text).unwrap()
 }
+
+/// Compares results with those of a plain program in `tests/metrics`, if Python has what that needs. Its output is printed.
+pub fn compare_in_python(program: &str, arguments: &[&Path]) {
+    let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
+    if !has.is_ok_and(|status| status.success()) {
+        return eprintln!("skipped: python3 has no numpy and pillow");
+    }
+    let file = crate::repository().join("tests/metrics").join(program);
+    let plain = Command::new("python3").arg(file).arg(crate::built("pdk")).args(arguments).output().unwrap();
+    println!("{}", String::from_utf8_lossy(&plain.stdout));
+    assert!(plain.status.success(), "{plain:?}");
+}

@@ -82,8 +82,20 @@ pub fn frames(
     evaluator.pictures.keep_only(earliest, job.end);
     let origin = evaluator.origin(job.sequence)?;
     let mut evaluated = Evaluated { frames: Vec::new(), perturbation_seconds: 0.0, driver_seconds: 0.0 };
-    if let Some(chain) = &mut chain {
-        evaluator.warm_up(chain, job)?;
+    // What a perturbation shows of frames before those of the job. One that cannot be read or perturbed is left out, as it is in a sequence.
+    for index in earliest..job.from {
+        let Some(earlier) = &mut chain else { break };
+        let seen = evaluator.entry(index).and_then(|entry| evaluator.perturb(index, &entry, earlier));
+        match seen.map_err(|error| (error.kind(), error)) {
+            Ok(()) => {}
+            Err((ErrorKind::Configuration, error)) => return Err(error),
+            // What panicked may be in any state.
+            Err((ErrorKind::Panic, _)) => {
+                evaluator = Evaluator::new(registry, job)?;
+                chain = self::chain(registry, job)?;
+            }
+            Err(_) => {}
+        }
     }
     let (mut begins, mut values) = (true, 0);
     for index in job.from..job.end {
@@ -138,28 +150,18 @@ fn earliest(chain: &Chain, job: &EvaluateFrames) -> usize {
 }
 
 impl Evaluator {
-    /// Sends the frames before those of a job through the chain, as far as it needs them. One that cannot be read or perturbed is left out, as it
-    /// is in a sequence.
-    ///
-    /// # Errors
-    /// If a component says that the machine's set-up is wrong.
-    fn warm_up(&mut self, chain: &mut Chain, job: &EvaluateFrames) -> Result<()> {
-        let Self { dataset, pictures, perturbed, .. } = self;
-        for index in earliest(chain, job)..job.from {
-            let at = Some(index as u64);
-            let entry = pictures
-                .entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)));
-            let seen = entry.and_then(|entry| {
-                let frame = entry.frame.as_ref();
-                perturbed.resize(frame.width(), frame.height());
-                chain.apply(frame, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())
-            });
-            match seen {
-                Err(error) if error.kind() == ErrorKind::Configuration => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
+    /// A frame as it was recorded, which is read if it is not kept.
+    fn entry(&mut self, index: usize) -> Result<Entry> {
+        let Self { dataset, pictures, .. } = self;
+        let at = Some(index as u64);
+        pictures.entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)))
+    }
+
+    /// Perturbs a frame into `perturbed`.
+    fn perturb(&mut self, index: usize, entry: &Entry, chain: &mut Chain) -> Result<()> {
+        let frame = entry.frame.as_ref();
+        self.perturbed.resize(frame.width(), frame.height());
+        chain.apply(frame, self.perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())
     }
 
     fn new(registry: &Registry, job: &EvaluateFrames) -> Result<Self> {
@@ -211,23 +213,20 @@ impl Evaluator {
         times: &mut Evaluated,
     ) -> Result<(Control, Seen), Failed> {
         let at = Some(index as u64);
-        let Self { dataset, looking, pictures, perturbed } = self;
-        let entry = pictures
-            .entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)))?;
+        let entry = self.entry(index)?;
         let mut frame = entry.frame.as_ref();
         if let Some(chain) = chain {
             let started = Instant::now();
-            perturbed.resize(frame.width(), frame.height());
-            chain.apply(frame, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())?;
+            self.perturb(index, &entry, chain)?;
             times.perturbation_seconds += seconds(started.elapsed());
-            frame = perturbed.as_ref();
+            frame = self.perturbed.as_ref();
         }
         let (first, origin) = sequence;
         let frame_index = (index - first) as u64;
         let cx = DriveContext { frame_index, time: entry.time - origin, speed: entry.speed };
         let by_driver = |error| Failed { error, by_driver: true };
         let started = Instant::now();
-        let seen = looking.look((frame, name), &cx, at, begins).map_err(by_driver)?;
+        let seen = self.looking.look((frame, name), &cx, at, begins).map_err(by_driver)?;
         times.driver_seconds += seconds(started.elapsed());
         Ok((Control { steering: entry.steering, throttle: entry.throttle }, seen))
     }

@@ -6,6 +6,7 @@
 //! | [`protocol`] | what it and those who give it work say to each other, on [`lines`] |
 //! | [`drive`] | one scenario around the loop, on `motion`, `annotated`, `pace` and `pictures`; `fault` says whose an error is |
 //! | `judge` | says when a scenario is over and measures it, `comfort` with it |
+//! | `evaluate` | frames of datasets; [`sequences`] says where a recording begins anew, [`recorded`] how what was recorded is written |
 //! | [`recorder`], [`recent`] | the trace, and the last frames of failures |
 //! | [`stages`] | how long it takes |
 //! | `environment` | what a component changed of its process, put back |

@@ -43,8 +43,7 @@ impl Perturbation for DelayedFrames {
         let latest = cx.time - cx.number("delay") + 1e-6;
         let mut shown = src;
         if cx.time > latest {
-            for back in 1..=cx.history.len() {
-                let Some(earlier) = cx.history.back(back) else { break };
+            for earlier in cx.history.iter() {
                 shown = earlier.frame;
                 if earlier.time <= latest {
                     break;

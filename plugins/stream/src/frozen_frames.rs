@@ -34,8 +34,7 @@ impl Perturbation for FrozenFrames {
         let bursts = bursts::of(cx);
         let mut shown = src;
         if bursts.lose(cx.frame_index, cx) {
-            for back in 1..=cx.history.len() {
-                let Some(earlier) = cx.history.back(back) else { break };
+            for earlier in cx.history.iter() {
                 // Before the first frame that arrived there is nothing to repeat, so that one is shown.
                 shown = earlier.frame;
                 if !bursts.lose(earlier.frame_index, cx) {

@@ -73,3 +73,14 @@ pub fn any_frame_can_be_computed_alone<P: Component + Perturbation>() {
         }
     }
 }
+
+/// Checks that a sequence stays as it is under these parameters.
+pub fn leaves_a_sequence_alone<P: Component + Perturbation>(given: &Value) {
+    let frames = pixels::<P>(given, 0.0, 5);
+    assert!(
+        frames
+            .iter()
+            .enumerate()
+            .all(|(index, frame)| frame.data().iter().all(|value| *value == mark(index)))
+    );
+}

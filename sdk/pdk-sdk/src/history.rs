@@ -74,6 +74,11 @@ impl<'a> History<'a> {
         self.ring.length == 0
     }
 
+    /// The frames, the latest first.
+    pub fn iter(&self) -> impl Iterator<Item = Earlier<'a>> + '_ {
+        (1..=self.len()).filter_map(|back| self.back(back))
+    }
+
     /// The frame this many frames back: 1 is the one before the frame at hand. None if there are not that many, and for 0.
     pub fn back(&self, frames: usize) -> Option<Earlier<'a>> {
         let Ring { pixels, indices, times, latest, length, width, height } = self.ring;

@@ -139,12 +139,19 @@ impl Perturbation {
         format!("pdk.Perturbation({:?}, seed={}, fps={})", self.perturbations(), self.seed(py), self.fps)
     }
 
-    /// For other processes: they find the same components, and go on where this one is.
+    /// For other processes: they find the same components, and go on where this one is. Earlier frames stay here.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (seed, next) = {
+        let (seed, next, shows_earlier) = {
             let state = self.state(py);
-            (state.seed, state.next)
+            (state.seed, state.next, state.chain.as_ref().is_some_and(|chain| chain.history() > 0))
         };
+        if shows_earlier && next > 0 {
+            return Err(mistake(
+                py,
+                "this sequence cannot be copied in its middle, because one of its perturbations shows earlier frames; copy it before its first \
+                 frame, or after `reset`",
+            ));
+        }
         let (plugins, drop_ins) = components::searched(py);
         let resume = py.import("pdk_perturb._pdk")?.getattr("resume")?;
         let arguments = (self.perturbations(), seed, self.fps, next, plugins, drop_ins);

@@ -243,6 +243,20 @@ def test_a_sequence_goes_on_in_another_process(image):
     assert numpy.array_equal(twin(image), sequence(image))
 
 
+def test_a_sequence_that_shows_earlier_frames_begins_in_one_process(image):
+    sequence = pdk.Perturbation("reordered_frames@4", seed=3)
+    twin = pickle.loads(pickle.dumps(sequence))
+    frames = [numpy.roll(image, shift, axis=1) for shift in range(9)]
+    shown = [sequence(frame) for frame in frames]
+    assert all(any(numpy.array_equal(one, frame) for frame in frames[: at + 1]) for at, one in enumerate(shown))
+    assert not all(map(numpy.array_equal, shown, frames))
+    assert all(map(numpy.array_equal, shown, map(twin, frames)))
+    with pytest.raises(pdk.Error, match="shows earlier frames"):
+        pickle.dumps(sequence)
+    sequence.reset()
+    assert pickle.loads(pickle.dumps(sequence)).frame == 0
+
+
 def test_a_sequence_knows_labels_and_distances(image):
     height, width = image.shape[:2]
     labels = numpy.zeros((height, width), numpy.uint8)

@@ -46,7 +46,7 @@ fn too_little_memory_is_an_error_and_no_abort() {
     let folder = temp();
     // How much is too little depends on the machine, so this goes through all that there is between too little and enough. A process that
     // cannot even be loaded is killed by the system.
-    for megabytes in (64..=400).step_by(12) {
+    for megabytes in (40..=400).step_by(12) {
         let finished = limited(&format!("-v {}", megabytes << 10), folder.path());
         let code = finished.code;
         assert!(matches!(code, Some(0 | 1)), "{megabytes} MiB: {code:?} {}", finished.stderr);

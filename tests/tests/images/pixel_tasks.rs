@@ -1,13 +1,12 @@
 //! Predictors that say something of each pixel, and labels in files: segmentation, depth, and boxes of YOLO beside those of COCO.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use image::{ImageBuffer, Luma, RgbImage};
-use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::process::{compare_in_python, json_file, json_lines, pipeline};
 use pdk_tests::random::Random;
 use pdk_tests::records::{assert_equal, files};
-use pdk_tests::{Pdk, onnx, repository, temp};
+use pdk_tests::{Pdk, onnx, temp};
 use serde_json::{Value, json};
 
 const WIDTH: u32 = 32;
@@ -54,24 +53,8 @@ fn evaluate(folder: &Path, source: &str) -> (String, std::path::PathBuf) {
     (said, out)
 }
 
-/// Compares with a plain program, where Python has what that needs.
 fn compare(folder: &Path, labels: &str, out: &Path) {
-    let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
-    if !has.is_ok_and(|status| status.success()) {
-        return eprintln!("skipped: python3 has no numpy and pillow");
-    }
-    let plain = Command::new("python3")
-        .arg(repository().join("tests/metrics/pixels.py"))
-        .args([
-            pdk_tests::built("pdk").as_path(),
-            &folder.join("data"),
-            &folder.join(labels),
-            &out.join("summary.json"),
-        ])
-        .output()
-        .unwrap();
-    println!("{}", String::from_utf8_lossy(&plain.stdout));
-    assert!(plain.status.success(), "{plain:?}");
+    compare_in_python("pixels.py", &[&folder.join("data"), &folder.join(labels), &out.join("summary.json")]);
 }
 
 #[test]

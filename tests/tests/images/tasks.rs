@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use image::RgbImage;
-use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::process::{compare_in_python, json_file, json_lines, pipeline};
 use pdk_tests::random::Random;
 use pdk_tests::records::{assert_equal, files};
 use pdk_tests::{Pdk, onnx, repository, temp};
@@ -74,17 +74,7 @@ fn corruption_errors_are_those_of_a_plain_program() {
         evaluation["rows"].as_array().unwrap().iter().find(|row| row["level"] == 4.0).unwrap().clone();
     let error = highest["totals"][0]["value"].as_f64().unwrap();
     assert!(0.05 < error && error < 1.0, "nothing to compare: {highest}");
-    let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
-    if !has.is_ok_and(|status| status.success()) {
-        return eprintln!("skipped: python3 has no numpy and pillow");
-    }
-    let plain = Command::new("python3")
-        .arg(repository().join("tests/metrics/mce.py"))
-        .args([pdk_tests::built("pdk").as_path(), &folder.path().join("data"), &summary])
-        .output()
-        .unwrap();
-    println!("{}", String::from_utf8_lossy(&plain.stdout));
-    assert!(plain.status.success(), "{plain:?}");
+    compare_in_python("mce.py", &[&folder.path().join("data"), &summary]);
 }
 
 #[test]

@@ -28,8 +28,7 @@ impl ScriptHistory {
     /// If the script is out of memory.
     pub fn set(&mut self, lua: &Lua, history: &History<'_>) -> mlua::Result<()> {
         self.list.clear()?;
-        for place in 0..history.len() {
-            let Some(earlier) = history.back(place + 1) else { break };
+        for (place, earlier) in history.iter().enumerate() {
             let (width, height) = (earlier.frame.width(), earlier.frame.height());
             let fits = self.entries.get(place).map(|(_, image)| {
                 let image = image.borrow::<LuaImage>()?;

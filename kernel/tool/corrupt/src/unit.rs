@@ -14,7 +14,6 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
-use pdk_sdk::history::MOST_FRAMES;
 use pdk_sdk::prelude::{Dataset, Entry, FrameBuf};
 use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
@@ -279,8 +278,9 @@ impl<'a> Worker<'a> {
         let index = situation.frame as usize;
         let begins = self.sequences[..self.sequences.partition_point(|begin| *begin <= index)].last();
         let first = index.saturating_sub(history).max(begins.copied().unwrap_or(0));
-        self.recent
-            .retain(|earlier, _| (index.saturating_sub(MOST_FRAMES as usize)..index).contains(earlier));
+        // As many as the condition with the longest history needs.
+        let most = self.chains.values().map(Chain::history).max().unwrap_or(history);
+        self.recent.retain(|earlier, _| (index.saturating_sub(most)..index).contains(earlier));
         (first..index)
             .map(|earlier| {
                 let entry = match self.recent.get(&earlier) {

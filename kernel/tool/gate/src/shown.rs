@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
 use pdk_notice::printable;
+use pdk_record::shell;
 use pdk_sdk::error::{Error, Result};
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 use serde::Serialize;
@@ -17,18 +18,9 @@ const HEADER: [&str; 7] =
 /// New failures that a table names; the others are in the verdict.
 const MOST: usize = 20;
 
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._-/=:,@+".contains(c);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    }
-}
-
 /// The command that repeats a drive.
 pub fn replay(failure: &NewFailure) -> String {
-    format!("pdk replay {} --scenario {}", quoted(&failure.record.to_string_lossy()), failure.id)
+    shell::replay(&failure.record, failure.id)
 }
 
 /// The cells of a row after the name of the requirement.

@@ -143,12 +143,16 @@ pub fn perturbed(
 /// # Errors
 /// If a perturbation fails.
 pub fn approach(chain: &mut Chain, source: &FrameBuf, frame_index: u64) -> Result<()> {
+    let frames = (chain.history() as u64).min(frame_index);
+    if frames == 0 {
+        return Ok(());
+    }
     let (width, height) = (source.width(), source.height());
     let (mut earlier, mut unused) = (FrameBuf::new(width, height), FrameBuf::new(width, height));
     let mut workspace = Workspace::default();
     // Things come nearer along lines from the point to which the road leads, in the middle and a little above.
     let [x, y] = [width as f64 / 2.0, height as f64 * 0.4];
-    for back in (1..=(chain.history() as u64).min(frame_index)).rev() {
+    for back in (1..=frames).rev() {
         let scale = 1.0 / (1.0 + back as f64 * STEP);
         let shrunk = Affine([scale, 0.0, x * (1.0 - scale), 0.0, scale, y * (1.0 - scale)]);
         // What lies beyond the edges is not black, but the picture at its own size.

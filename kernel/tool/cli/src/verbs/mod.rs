@@ -51,6 +51,7 @@ mod suite;
 mod verify;
 mod version;
 mod worker;
+mod workers;
 
 /// Tests driving models by disturbing what their camera sees
 #[derive(Parser)]
@@ -207,13 +208,14 @@ impl Verb {
 
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
+    // First, since reading the command line takes memory too.
+    if let Err(error) = memory::watch(calls::supervised()) {
+        return failed(&error);
+    }
     inspection::enable();
     // Does not come back if a shell asks for completions.
     CompleteEnv::with_factory(command).var(completions::VARIABLE).complete();
     let cli = parsed();
-    if let Err(error) = memory::watch(calls::supervised()) {
-        return failed(&error);
-    }
     if cli.verb.calls_components() && !calls::supervised() {
         return supervised::run().unwrap_or_else(|error| failed(&error));
     }

@@ -1,19 +1,16 @@
 //! `pdk replay`: drives recorded scenarios again and compares them with their record.
 
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_replay::compare::{Compared, Finding};
 use pdk_replay::replay::{Film, Replay, Replayed};
 use pdk_sdk::error::{Error, Result};
-use pdk_session::connection::Pool;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use serde_json::{Value, json};
 
 use super::recorded::{self, Driving};
+use super::workers::Workers;
 use super::{Global, print_json};
 
 /// Arguments of `pdk replay`
@@ -25,19 +22,8 @@ pub struct Arguments {
     /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
     #[arg(long = "scenario", value_name = "N|ID")]
     scenarios: Vec<String>,
-    /// How many scenarios are driven at the same time [default: one for each processor; one for a simulator that pdk does not
-    /// start]
-    #[arg(long, value_name = "N", conflicts_with = "pool")]
-    workers: Option<NonZeroUsize>,
-    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
-    #[arg(long, value_name = "COMMAND")]
-    pool: Option<String>,
-    /// How long one call of a component may take, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
-    patience: f64,
-    /// How much memory a process with components may take, in MiB
-    #[arg(long, value_name = "MIB", default_value_t = DEFAULT_MEMORY, value_parser = clap::value_parser!(u64).range(1..))]
-    memory: u64,
+    #[command(flatten)]
+    workers: Workers,
     /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
@@ -63,8 +49,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
     }
     let Arguments { record, trust, .. } = arguments;
-    let driving =
-        Driving { verb: "replay", record, pool: pool(arguments), limits: limits(arguments)?, trust: *trust };
+    let driving = Driving {
+        verb: "replay",
+        record,
+        pool: arguments.workers.pool(),
+        limits: arguments.workers.limits()?,
+        trust: *trust,
+    };
     let mut session = recorded::session(global, &replay, driving)?;
     let changes = replay.changes(&mut session)?;
     for change in &changes {
@@ -91,22 +82,6 @@ fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
     match clip.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4")) {
         true => Ok(()),
         false => Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display()))),
-    }
-}
-
-fn limits(arguments: &Arguments) -> Result<Limits> {
-    let seconds = arguments.patience;
-    let patience = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
-    let patience = patience
-        .ok_or_else(|| Error::new(format!("--patience: {seconds} is not a positive number of seconds")))?;
-    Ok(Limits { patience, memory: arguments.memory })
-}
-
-/// Where workers come from.
-fn pool(arguments: &Arguments) -> Pool {
-    match &arguments.pool {
-        Some(command) => Pool::Command(command.clone()),
-        None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
     }
 }
 

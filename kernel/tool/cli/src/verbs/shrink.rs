@@ -1,19 +1,16 @@
 //! `pdk shrink`: the simplest scenario that still fails like a recorded one.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_replay::replay::Replay;
 use pdk_replay::shrink::{Limits, Shrunk, luck, script};
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_session::connection::Pool;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits as ProcessLimits};
 use serde_json::json;
 
 use super::recorded::{self, Driving};
+use super::workers::Workers;
 use super::{Global, print_json};
 
 /// Arguments of `pdk shrink`
@@ -37,13 +34,8 @@ pub struct Arguments {
     /// Under how many fresh seeds what is left is driven
     #[arg(long, value_name = "N", default_value_t = 20)]
     draws: usize,
-    /// How many scenarios are driven at the same time [default: one for each processor; one for a simulator that pdk does not
-    /// start]
-    #[arg(long, value_name = "N")]
-    workers: Option<NonZeroUsize>,
-    /// How long one call of a component may take, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
-    patience: f64,
+    #[command(flatten)]
+    workers: Workers,
     /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
     /// they are listed, and nothing of the record is run
     #[arg(long)]
@@ -67,14 +59,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     {
         return Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display())));
     }
-    let patience = Duration::try_from_secs_f64(arguments.patience).ok().filter(|limit| !limit.is_zero());
-    let patience = patience.ok_or_else(|| {
-        Error::new(format!("--patience: {} is not a positive number of seconds", arguments.patience))
-    })?;
+    let limits = arguments.workers.limits()?;
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
-    let pool = arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get()));
-    let limits = ProcessLimits { patience, memory: DEFAULT_MEMORY };
-    let driving = Driving { verb: "shrink", record, pool, limits, trust: arguments.trust };
+    let driving =
+        Driving { verb: "shrink", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
     let mut session = recorded::session(global, &replay, driving)?;
     for change in replay.changes(&mut session)? {
         eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");

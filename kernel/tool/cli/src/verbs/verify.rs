@@ -1,8 +1,6 @@
 //! `pdk verify`: checks the verdict of a gate.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use pdk_gate::loaded::Loaded;
 use pdk_gate::verdict::Verdict;
@@ -11,11 +9,10 @@ use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_record::directory::VERDICT;
 use pdk_sdk::error::{Error, Result};
-use pdk_session::connection::Pool;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use serde_json::json;
 
 use super::gate::suite_help;
+use super::workers::Workers;
 use super::{Global, print_json};
 
 /// Arguments of `pdk verify`
@@ -35,15 +32,8 @@ pub struct Arguments {
     /// A file, such as a network, that takes the place of the one that the verdict names and has its content; may be given several times
     #[arg(long = "file", value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// How many scenarios are driven at the same time [default: one for each processor]
-    #[arg(long, value_name = "N", conflicts_with = "pool")]
-    workers: Option<NonZeroUsize>,
-    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
-    #[arg(long, value_name = "COMMAND")]
-    pool: Option<String>,
-    /// How long one call of a component may take, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
-    patience: f64,
+    #[command(flatten)]
+    workers: Workers,
     /// Start the programs that the verdict names. Without it they are listed, and nothing is run
     #[arg(long)]
     trust: bool,
@@ -51,7 +41,7 @@ pub struct Arguments {
 
 /// Verifies; returns whether the verdict holds.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
-    let Arguments { verdict, probes, draw, suite, files, trust, .. } = arguments;
+    let Arguments { verdict, probes, draw, suite, files, workers, trust } = arguments;
     let path = if verdict.is_dir() { verdict.join(VERDICT) } else { verdict.clone() };
     let verdict = Verdict::read(&path)?;
     let named = suite.as_ref().unwrap_or(&verdict.suite.named);
@@ -66,16 +56,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
         )
     })?;
     verify::check_suite(&verdict, &loaded)?;
-    let patience = Duration::try_from_secs_f64(arguments.patience).ok().filter(|limit| !limit.is_zero());
-    let patience = patience.ok_or_else(|| {
-        Error::new(format!("--patience: {} is not a positive number of seconds", arguments.patience))
-    })?;
-    let pool = match &arguments.pool {
-        Some(command) => Pool::Command(command.clone()),
-        None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
-    };
-    let session =
-        global.session("verify", pool, Limits { patience, memory: DEFAULT_MEMORY }, global.search_path())?;
+    let session = global.session("verify", workers.pool(), workers.limits()?, global.search_path())?;
     let wanted = Wanted { probes: *probes, draw: draw.clone(), files: files.clone(), trust: *trust };
     let progress = pdk_terminal::progress(global.json, "{pos}/{len} drives, {eta} left");
     let verified = verify::verify(&verdict, &loaded, session, &wanted, &progress)?;

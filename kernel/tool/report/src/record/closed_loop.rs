@@ -8,9 +8,9 @@ use pdk_model::component::ENGINE;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Mode;
 use pdk_record::ledger::Line;
+use pdk_record::shell;
 
 use super::clips::ClipFolder;
-use super::shell;
 use crate::view::{Drive, Scenario};
 
 /// The scenarios of each simulator, driver and mode, in the order in which these come first. The number of a scenario is its

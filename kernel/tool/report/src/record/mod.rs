@@ -6,7 +6,6 @@ mod offline;
 mod read;
 mod search;
 mod setup;
-mod shell;
 mod tasks;
 mod times;
 mod traces;

@@ -10,11 +10,11 @@ use pdk_model::scenario::Scenario;
 use pdk_model::search::{Space, label};
 use pdk_record::directory::RunDirectory;
 use pdk_record::ledger::Line;
+use pdk_record::shell;
 use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::shell::quoted;
 use crate::view::{Branch, Reached, Region, Search, Test};
 
 /// What a search left.
@@ -179,7 +179,7 @@ fn view(found: Found, folder: &Path, shared: &Value) -> Search {
         cause: test.cause.replace('_', " "),
         replay: match test.scenario.is_empty() {
             true => String::new(),
-            false => format!("pdk replay {} --scenario {}", quoted(&folder.to_string_lossy()), test.scenario),
+            false => shell::replay(folder, &test.scenario),
         },
     };
     Search {

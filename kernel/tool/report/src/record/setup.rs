@@ -1,9 +1,9 @@
 //! What was run, from the manifest.
 
 use pdk_record::manifest::Manifest;
+use pdk_record::shell::quoted;
 use serde_json::Value;
 
-use super::shell::quoted;
 use crate::view::{Component, Setup};
 
 /// What a run is called.

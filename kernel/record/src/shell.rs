@@ -1,5 +1,6 @@
-//! Commands that a page shows, as a shell takes them.
+//! Commands about a record, as people paste them into a shell.
 
+use std::fmt::Display;
 use std::path::Path;
 
 /// A word as a shell takes it.
@@ -11,9 +12,9 @@ pub fn quoted(word: &str) -> String {
     }
 }
 
-/// The command that replays a scenario.
-pub fn replay(folder: &Path, number: u64) -> String {
-    format!("pdk replay {} --scenario {number}", quoted(&folder.to_string_lossy()))
+/// The command that replays a scenario, which is named by its number or its id.
+pub fn replay(folder: &Path, scenario: impl Display) -> String {
+    format!("pdk replay {} --scenario {scenario}", quoted(&folder.to_string_lossy()))
 }
 
 #[cfg(test)]
