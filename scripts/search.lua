@@ -34,7 +34,7 @@ local settings = pdk.settings({
 		"dynamic_rain_filter", "static_rain_filter", "poisson_noise", "speckle_noise_filter", "zigzag_mapping",
 		"saturation_filter", "gaussian_noise", "dotted_lines_mapping", "contrast", "elastic", "low_pass_filter",
 		"motion_blur", "snow_on_lens", "white_balance_filter", "posterize_filter", "canny_edges_mapping", "pixelate",
-		"gaussian_blur", "defocus_blur", "raindrops_on_lens", "dirty_lens", "impulse_noise", "banding",
+		"defocus_blur", "raindrops_on_lens", "dirty_lens", "gaussian_blur", "impulse_noise", "banding",
 		"increase_brightness", "jpeg_filter", "cutout_filter", "splatter_mapping", "object_overlay", "grayscale_filter",
 		"frost_filter", "sharpen_filter", "saturation_decrease_filter", "scale_image", "snow_filter", "fog_filter",
 		"phase_scrambling", "sample_pairing_filter", "false_color_filter", "translate_image",
