@@ -59,6 +59,8 @@ pub fn pack(project: &Project, tree: &Path, profile: Profile) -> Result<PathBuf>
                 project.target().triple(),
                 "--compatibility",
                 &compatibility,
+                "--compression-level",
+                "9",
             ])
         }
     };

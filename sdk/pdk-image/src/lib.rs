@@ -10,14 +10,16 @@ mod size;
 use std::io::Cursor;
 use std::path::Path;
 
+use image::codecs::bmp::BmpDecoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
+use image::{DynamicImage, ImageDecoder, ImageFormat, Limits, RgbImage};
 use pdk_sdk::error::Place;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
+use png::DAMAGED;
 pub use png::{check_animation, without_texts};
 pub use size::{LARGEST_FILE, LONGEST, check_size, most_pixels};
 
@@ -131,13 +133,20 @@ fn frame(image: RgbImage) -> Result<FrameBuf> {
 
 /// Decodes BMP and WebP.
 fn other(bytes: &[u8], format: ImageFormat) -> Result<(DynamicImage, Orientation)> {
-    const DAMAGED: &str = "it is damaged";
-    if format == ImageFormat::WebP && WebPDecoder::new(Cursor::new(bytes)).place(DAMAGED)?.has_animation() {
+    // By their names, because a decoder for any format brings all of them into every library that reads pictures.
+    if format == ImageFormat::Bmp {
+        return finish(BmpDecoder::new(Cursor::new(bytes)).place(DAMAGED)?);
+    }
+    let decoder = WebPDecoder::new(Cursor::new(bytes)).place(DAMAGED)?;
+    if decoder.has_animation() {
         return Err(Error::new(
             "it is an animation where one picture is expected; save the one that is meant as a file of its own",
         ));
     }
-    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format).into_decoder().place(DAMAGED)?;
+    finish(decoder)
+}
+
+fn finish(mut decoder: impl ImageDecoder) -> Result<(DynamicImage, Orientation)> {
     let (width, height) = decoder.dimensions();
     check_size(width, height)?;
     let mut limits = Limits::default();
