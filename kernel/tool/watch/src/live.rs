@@ -14,6 +14,8 @@ use serde_json::{Value, json};
 const MOST_POINTS: usize = 2000;
 /// How long a topic is waited for: it is there if its loop lives.
 const OPEN: Duration = Duration::from_millis(200);
+/// A browser that has not asked for this long is gone.
+const ASKED: Duration = Duration::from_secs(2);
 /// How often runs are looked for.
 const LOOK: Duration = Duration::from_millis(500);
 
@@ -27,6 +29,8 @@ struct Point {
 pub struct Live {
     record: PathBuf,
     looked: Option<Instant>,
+    /// When a browser asked last.
+    asked: Option<Instant>,
     slots: Vec<(String, SlotTopics, Announced)>,
     tapped: Option<Tapped>,
 }
@@ -45,7 +49,7 @@ struct Tapped {
 impl Live {
     /// Nothing is open yet.
     pub fn new(record: PathBuf) -> Self {
-        Self { record, looked: None, slots: Vec::new(), tapped: None }
+        Self { record, looked: None, asked: None, slots: Vec::new(), tapped: None }
     }
 
     /// Looks which loops write the record, and takes what has come on the topics of one of them.
@@ -65,7 +69,18 @@ impl Live {
         if self.tapped.as_ref().is_none_or(|tapped| tapped.run != *run || tapped.slot != found.slot) {
             self.tapped = Tapped::open(run, found.slot)?;
         }
-        self.tapped.as_mut().map_or(Ok(()), Tapped::take)
+        self.asked = Some(Instant::now());
+        self.tapped.as_mut().map_or(Ok(()), |tapped| tapped.take(&[2, 3, 0, 1]))
+    }
+
+    /// Takes controls and states between two requests, so that curves have more points than requests.
+    pub fn sample(&mut self) {
+        if self.asked.is_some_and(|asked| asked.elapsed() < ASKED)
+            && let Some(tapped) = &mut self.tapped
+        {
+            // The next request reports what is wrong with the topics.
+            let _ = tapped.take(&[2, 3]);
+        }
     }
 
     /// Whether a loop writes the record.
@@ -182,10 +197,10 @@ impl Tapped {
         }))
     }
 
-    /// Takes what has come since the last time; of the frames only the newest.
-    fn take(&mut self) -> Result<()> {
+    /// Takes what has come on these topics since the last time; of the frames only the newest.
+    fn take(&mut self, topics: &[usize]) -> Result<()> {
         let mut controls = Vec::new();
-        for place in [2, 3, 0, 1] {
+        for &place in topics {
             let mut newest = None;
             while let Some(message) =
                 self.taps[place].receive(Duration::ZERO).map_err(|error| Error::new(error.message()))?

@@ -16,6 +16,8 @@ use crate::recorded::Recorded;
 
 /// How long a browser may take to send a request or to take an answer.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// How often controls and states are taken while a browser asks.
+const SAMPLE: Duration = Duration::from_millis(100);
 /// Browsers and their connections at the same time.
 const CONNECTIONS: usize = 64;
 
@@ -64,6 +66,17 @@ pub fn start(record: &Path, port: u16) -> Result<Server> {
         live: Mutex::new(Live::new(absolute)),
         recorded: Mutex::new(recorded),
     });
+    let sampled = Arc::downgrade(&watched);
+    std::thread::Builder::new()
+        .name("sampler".into())
+        .spawn(move || {
+            while let Some(watched) = sampled.upgrade() {
+                watched.live.lock().unwrap_or_else(PoisonError::into_inner).sample();
+                drop(watched);
+                std::thread::sleep(SAMPLE);
+            }
+        })
+        .place("cannot start a thread")?;
     oxhttp::Server::new(move |request| answer(&watched, request))
         .bind(address)
         .with_global_timeout(PATIENCE)

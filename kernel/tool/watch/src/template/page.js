@@ -65,13 +65,11 @@ const picture = async (topic, address) => {
   const image = $(topic);
   const is = answer.ok;
   if (is) {
-    const old = image.src;
     image.src = await new Promise((done) => answer.blob().then((blob) => {
       const reader = new FileReader();
       reader.onload = () => done(reader.result);
       reader.readAsDataURL(blob);
     }));
-    if (old.startsWith("blob:")) URL.revokeObjectURL(old);
   }
   image.hidden = !is;
   document.querySelector(`[data-empty="${topic}"]`).hidden = is;
