@@ -67,7 +67,7 @@ impl Frames {
         }
     }
 
-    /// For those who watch the run. Without a note they see less, which is no reason to end it; and it need not survive a power cut.
+    /// For those who watch the run. Without a note they see less, and it goes on all the same; and it need not survive a power cut.
     fn note(&self, record: &Path, frames: u64, scenarios: usize) {
         if self.noted.get().is_some_and(|noted| noted.elapsed() < OFTEN) {
             return;

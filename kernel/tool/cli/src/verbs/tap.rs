@@ -83,7 +83,7 @@ fn list(global: &Global) -> Result<()> {
     let slots: Vec<_> =
         runs.iter().flat_map(|run| run.slots.iter().map(move |slot| (&run.run, slot))).collect();
     if global.json {
-        let told = |(run, slot): &(&String, &pdk_bus::SlotTopics)| json!({ "run": run, "slot": slot.slot, "process": slot.process, "folder": slot.root });
+        let told = |(run, slot): &(&String, &pdk_bus::SlotTopics)| json!({ "run": run, "slot": slot.slot, "pid": slot.process, "root": slot.root });
         return print_json(&Value::Array(slots.iter().map(told).collect()));
     }
     for (run, slot) in slots {
