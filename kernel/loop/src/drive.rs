@@ -17,6 +17,7 @@ use pdk_supervise::calls::Function;
 use twox_hash::XxHash3_64;
 
 use crate::annotated::Annotated;
+use crate::announced::Announced;
 use crate::fault::Fault;
 use crate::held::Held;
 use crate::judge::Judge;
@@ -160,8 +161,19 @@ impl<'a> Run<'a> {
                 .simulator
                 .call(Function::Waypoints, None, |simulator| Ok(simulator.waypoints()))
                 .map_err(Fault::Simulator)?;
+            let road = waypoint_string(&waypoints);
+            if let Some(trace) = drive.trace.clone() {
+                let announced = Announced {
+                    number: self.job.number,
+                    name: drive.name.clone(),
+                    trace,
+                    road: road.clone(),
+                };
+                let text = serde_json::to_string(&announced).map_err(|error| Fault::Kernel(error.into()))?;
+                with.bus.announce(&text)?;
+            }
             if !waypoints.is_empty() {
-                recorder.road(waypoint_string(&waypoints));
+                recorder.road(road);
             }
         }
         self.annotated = Annotated::new(annotations, with.camera, with.simulator)?;

@@ -8,10 +8,12 @@
 //! | `judge` | says when a scenario is over and measures it, `comfort` with it |
 //! | `evaluate` | frames of datasets; [`sequences`] says where a recording begins anew, [`recorded`] how what was recorded is written |
 //! | [`recorder`], [`recent`] | the trace, and the last frames of failures |
+//! | [`announced`] | what those who watch a drive learn of it besides its topics |
 //! | [`stages`] | how long it takes |
 //! | `environment` | what a component changed of its process, put back |
 
 mod annotated;
+pub mod announced;
 mod comfort;
 pub mod drive;
 mod engine;

@@ -10,6 +10,7 @@
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
 //! | `shard.json` | in the record of a part of a run: the scenarios and evaluations of the whole |
 //! | `.lock` | nothing: the process that writes the record holds a lock on it, and one on the folder |
+//! | `progress.json` | while a run is under way: how far it is |
 //! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
 
 use std::fs::{self, File, TryLockError};
@@ -37,6 +38,8 @@ pub const JOURNAL: &str = "results.journal";
 pub const SUMMARY: &str = "summary.json";
 /// The name of the file with times.
 pub const PERFORMANCE: &str = "performance.json";
+/// The name of the file that says how far a run under way is.
+pub const PROGRESS: &str = "progress.json";
 /// The name of the file that says which scenarios the run has of which the record is a part.
 pub const SHARD: &str = "shard.json";
 /// The name of the page about the run.
@@ -61,6 +64,7 @@ pub fn is_own(name: &str) -> bool {
         JOURNAL,
         SUMMARY,
         PERFORMANCE,
+        PROGRESS,
         SHARD,
         REPORT,
         VERDICT,

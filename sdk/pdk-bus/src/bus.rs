@@ -95,6 +95,20 @@ impl Bus {
         self.root.path()
     }
 
+    /// Announces in a text what the next frames are about, such as the name of the scenario. Whoever lists the runs finds it by
+    /// [`SlotTopics::announced`](crate::SlotTopics::announced), until the next announcement.
+    ///
+    /// # Errors
+    /// If the folder of the bus cannot be written.
+    pub fn announce(&self, text: &str) -> Result<()> {
+        self.root.announce(text).map_err(|error| {
+            Error::new(format!(
+                "nothing can be announced in {} ({error}): check that it can be written and has space",
+                self.root.path().display()
+            ))
+        })
+    }
+
     /// Lends the memory of the next frame on [`Topic::Raw`] or [`Topic::Perturbed`]: `width * height * 3`
     /// bytes. Two may be on loan per topic; one that is dropped is not sent.
     ///

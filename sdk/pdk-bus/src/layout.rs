@@ -19,6 +19,10 @@ pub(crate) const TAPS_FILE: &str = "taps";
 pub(crate) const CONFIG_FILE: &str = "iceoryx2.toml";
 /// The same before the bus is complete.
 pub(crate) const UNFINISHED_CONFIG_FILE: &str = "iceoryx2.toml.new";
+/// What the owner announces of its scenario.
+pub(crate) const ANNOUNCEMENT_FILE: &str = "scenario";
+/// The same while it is written.
+pub(crate) const UNFINISHED_ANNOUNCEMENT_FILE: &str = "scenario.new";
 
 /// # Errors
 /// If `run` cannot be the name of a folder of a run.

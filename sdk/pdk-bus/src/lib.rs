@@ -24,7 +24,7 @@
 //! A root holds the file `iceoryx2.toml` once its bus is complete: the configuration with which any language opens
 //! the topics with its own iceoryx2 0.10 (`Config::from_file`, then a node with this configuration). It sets
 //! `global.root-path` and `global.prefix`. A root is of a living bus if its file `lock` is locked (`flock`);
-//! `tap --list` of the examples prints the roots.
+//! `pdk tap --list` prints the roots.
 //!
 //! The services are `pdk/raw`, `pdk/perturbed`, `pdk/control` and `pdk/state`: publish-subscribe, user header
 //! `PdkFrameHeader`, payload a slice of `u8` for the frames, `PdkControl` (the numbers of a control as 64-bit

@@ -22,7 +22,10 @@ use rustix::{
 use crate::{
     base,
     error::{Error, Result},
-    layout::{CONFIG_FILE, LOCK_FILE, UNFINISHED_CONFIG_FILE, check_run_id, parse_root, prefix, root_name},
+    layout::{
+        ANNOUNCEMENT_FILE, CONFIG_FILE, LOCK_FILE, UNFINISHED_ANNOUNCEMENT_FILE, UNFINISHED_CONFIG_FILE,
+        check_run_id, parse_root, prefix, root_name,
+    },
     removal::delete,
 };
 
@@ -84,6 +87,14 @@ impl Root {
                 self.path.display()
             ))
         })
+    }
+
+    /// Writes what the owner announces; a reader finds all of it or what was there before.
+    pub(crate) fn announce(&self, text: &str) -> io::Result<()> {
+        let unfinished = self.path.join(UNFINISHED_ANNOUNCEMENT_FILE);
+        let mut file = options().write(true).create(true).truncate(true).open(&unfinished)?;
+        file.write_all(text.as_bytes())?;
+        fs::rename(unfinished, self.path.join(ANNOUNCEMENT_FILE))
     }
 
     fn write_files(&self) -> io::Result<()> {

@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    io::Read,
     path::{Path, PathBuf},
     time::{Duration, Instant, SystemTime},
 };
@@ -11,10 +12,10 @@ use iceoryx2::port::ReceiveError;
 use crate::{
     base::base,
     error::{Error, Result},
-    layout::{LATEST, check_run_id},
+    layout::{ANNOUNCEMENT_FILE, LATEST, check_run_id},
     link::{Link, Message},
     message::Topic,
-    root::{LivingRoot, living},
+    root::{LivingRoot, living, options},
 };
 
 /// How often a tap looks for a run that is not there yet, or for another loop in place of one that ended.
@@ -23,6 +24,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(20);
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
 const FIRST_SLEEP: Duration = Duration::from_micros(20);
 const POLLS_BEFORE_SLEEP: u32 = 50;
+/// Bytes of an announcement that are read.
+const LARGEST_ANNOUNCEMENT: u64 = 16 << 20;
 
 /// A run that is publishing at this moment.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,6 +47,16 @@ pub struct SlotTopics {
     pub process: u32,
     /// The folder of its bus.
     pub root: PathBuf,
+}
+
+impl SlotTopics {
+    /// What the loop announced last ([`Bus::announce`](crate::Bus::announce)); none if it has not announced anything or has ended.
+    pub fn announced(&self) -> Option<String> {
+        let mut text = String::new();
+        let file = options().open(self.root.join(ANNOUNCEMENT_FILE)).ok()?;
+        file.take(LARGEST_ANNOUNCEMENT).read_to_string(&mut text).ok()?;
+        Some(text)
+    }
 }
 
 /// A reader of one topic of one loop.

@@ -8,7 +8,7 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository, target_folder, temp};
 
 /// Commands that are not run, by their beginnings, and why.
-const NOT_RUN: [(&str, &str); 12] = [
+const NOT_RUN: [(&str, &str); 14] = [
     ("pdk run study", "it drives for hours"),
     ("pdk run greedy --set perturbations=motion_blur", "the guide has a transcript of a smaller one"),
     ("pdk run greedy --set perturbations=gaussian_noise", "the guide has a transcript of a smaller one"),
@@ -20,6 +20,8 @@ const NOT_RUN: [(&str, &str); 12] = [
         "it drives for minutes on a busy machine; tests of searches drive less with the same pipeline",
     ),
     ("pdk doctor --simulator", "it needs a simulator that is not here"),
+    ("pdk tap", "it needs a run under way; tests of watching start one"),
+    ("pdk watch", "it serves until Ctrl-C; tests of watching start it"),
     ("pdk report runs/quickstart-1 --open", "it opens a browser"),
     ("pdk report runs/quickstart-1 runs/", "it needs a second run; tests of reports compare two"),
     (

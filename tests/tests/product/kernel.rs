@@ -43,6 +43,8 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ("folder", "kernel/tool/cli/templates/dataset/", "a variable, and a word of documentation"),
     ("process", "kernel/tool/cli/templates/dataset/", "a module of Rust's library"),
     ("grid", "kernel/tool/report/src/template/", "a class of tables in CSS"),
+    ("grid", "kernel/tool/watch/src/template/", "a layout of CSS"),
+    ("video", "kernel/tool/watch/src/server.rs", "a media type"),
     ("gradient", "kernel/tool/report/src/", "a blend of colours in CSS"),
     ("onnx", "kernel/tool/cli/", "the format of networks, whose files `pdk show` shows"),
 ];

@@ -11,3 +11,4 @@ mod replay;
 mod report;
 mod resume;
 mod shard;
+mod watch;

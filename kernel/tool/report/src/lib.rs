@@ -48,5 +48,5 @@ mod text;
 mod tracks;
 mod view;
 
-pub use page::render;
+pub use page::{render, style};
 pub use view::*;

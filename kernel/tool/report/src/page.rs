@@ -122,6 +122,18 @@ pub fn render(run: &Run) -> Result<String> {
     environment.get_template("page.html").and_then(|template| template.render(page)).map_err(place)
 }
 
+/// The style sheet of the page, for other pages that look like it.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn style() -> Result<String> {
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    let made =
+        environment.render_str(include_str!("template/style.css"), context! { colors => color::style() });
+    made.map_err(|error| Error::new(format!("cannot make the style sheet ({error:#})")))
+}
+
 /// What was driven with what: names and values, each value once.
 fn tested(drives: &[Drive]) -> Vec<(String, String)> {
     let once = |name: &str, of: fn(&Drive) -> &String| {

@@ -74,7 +74,8 @@ impl Host {
     /// Waits for an outcome.
     pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
         if !self.scenarios.outcomes.contains_key(&ticket) {
-            let reply = self.session.wait(ticket, &mut self.frames.tick());
+            let record = self.record.directory.as_ref().map(|directory| directory.path());
+            let reply = self.session.wait(ticket, &mut self.frames.tick(record, self.scenarios.count()));
             self.take(ticket, reply);
         }
         self.row(ticket)
@@ -103,9 +104,12 @@ impl Host {
 
     /// Takes the next of several outcomes, as they come.
     pub(super) fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
-        let Some((ticket, reply)) = self.session.next(among, &mut self.frames.tick())? else {
+        let record = self.record.directory.as_ref().map(|directory| directory.path());
+        let mut tick = self.frames.tick(record, self.scenarios.count());
+        let Some((ticket, reply)) = self.session.next(among, &mut tick)? else {
             return Ok(None);
         };
+        drop(tick);
         self.take(ticket, reply);
         Ok(Some(ticket))
     }

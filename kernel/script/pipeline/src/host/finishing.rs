@@ -15,6 +15,7 @@ use serde_json::json;
 
 use super::Host;
 use super::driving::{components, stop_if_dropped};
+use super::frames::Frames;
 use crate::finished::{Finished, Summary};
 
 impl Host {
@@ -27,6 +28,9 @@ impl Host {
             false => Ok(()),
         };
         self.frames.finish();
+        if let Some(directory) = &self.record.directory {
+            Frames::forget(directory.path());
+        }
         let (all, failed) = (self.scenarios.count(), self.scenarios.failed());
         let outcomes = self.scenarios.lines();
         let summary = Summary { outcomes, evaluations: std::mem::take(&mut self.evaluations.summaries) };

@@ -48,8 +48,10 @@ mod settings;
 mod show;
 mod shrink;
 mod suite;
+mod tap;
 mod verify;
 mod version;
+mod watch;
 mod worker;
 mod workers;
 
@@ -160,6 +162,10 @@ enum Verb {
     Verify(verify::Arguments),
     /// Show a suite of scenarios, or make one of what failed in a record
     Suite(suite::Arguments),
+    /// Show a run in the browser, while it goes on and afterwards
+    Watch(watch::Arguments),
+    /// Print the messages of a run under way: frames, controls and states
+    Tap(tap::Arguments),
     /// Put the records of the parts of a run together
     Merge(merge::Arguments),
     /// Run a pipeline for another program, or take its calls: JSON lines on standard input and output (see docs/session-protocol.md)
@@ -200,7 +206,7 @@ impl Verb {
             Verb::Session(_) | Verb::Merge(_) => false,
             Verb::Gate(_) | Verb::Verify(_) | Verb::Suite(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
-            Verb::Road(_) | Verb::Export(_) => false,
+            Verb::Road(_) | Verb::Export(_) | Verb::Tap(_) | Verb::Watch(_) => false,
             Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
         }
     }
@@ -241,6 +247,8 @@ pub fn main() -> ExitCode {
         Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Merge(arguments) => merge::run(global, arguments),
+        Verb::Tap(arguments) => tap::run(global, arguments),
+        Verb::Watch(arguments) => watch::run(global, arguments),
         Verb::Gate(arguments) => gate::run(global, arguments).map(|passed| said_no = !passed),
         Verb::Verify(arguments) => verify::run(global, arguments).map(|holds| said_no = !holds),
         Verb::Suite(arguments) => suite::run(global, arguments),

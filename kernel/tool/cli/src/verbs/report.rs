@@ -114,7 +114,7 @@ fn add_attention(registry: &Registry, run: &mut Run, method: &ComponentSpec) -> 
 }
 
 /// Hands the page to the program that the system shows such files with.
-fn open(page: &Path) -> Result<()> {
+pub fn open(page: &Path) -> Result<()> {
     let program = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
     let quiet = || Stdio::null();
     let ended = Command::new(program).arg(page).stdin(quiet()).stdout(quiet()).stderr(quiet()).status();

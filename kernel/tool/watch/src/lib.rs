@@ -1,0 +1,16 @@
+//! A run in the browser, while it goes on and afterwards: a server on the loopback interface, with a token in its address.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`server`] | addresses and what is answered to them |
+//! | `live` | what a loop drives at this moment, from its topics |
+//! | `recorded` | what the record holds: scenarios, their traces and clips |
+//!
+//! Topics are looked at only while a browser asks, some times a second. A tap that falls behind loses messages and never holds up the
+//! loop, so neither does a slow browser.
+
+mod live;
+mod recorded;
+pub mod server;
+
+pub use server::{Server, start};

@@ -1,0 +1,235 @@
+//! What a loop drives at this moment, from its topics.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use image::{ImageFormat, RgbImage};
+use pdk_bus::{Message, SlotTopics, Tap, Topic};
+use pdk_loop::announced::Announced;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::prelude::{Control, State};
+use serde_json::{Value, json};
+
+/// Points of a scenario that are kept; a drive of ten minutes at three points a second has fewer.
+const MOST_POINTS: usize = 2000;
+/// How long a topic is waited for: it is there if its loop lives.
+const OPEN: Duration = Duration::from_millis(200);
+/// A browser that has not asked for this long is gone.
+const ASKED: Duration = Duration::from_secs(2);
+/// How often runs are looked for.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// A moment of a drive.
+struct Point {
+    state: State,
+    control: Option<Control>,
+}
+
+/// The topics of a loop that writes a certain record.
+pub struct Live {
+    record: PathBuf,
+    looked: Option<Instant>,
+    /// When a browser asked last.
+    asked: Option<Instant>,
+    slots: Vec<(String, SlotTopics, Announced)>,
+    tapped: Option<Tapped>,
+}
+
+/// The open topics of a slot.
+struct Tapped {
+    run: String,
+    slot: u32,
+    taps: [Tap; 4],
+    scenario: Option<u64>,
+    points: Vec<Point>,
+    /// The newest frame as the camera and as the driver saw it, as a picture.
+    frames: [Option<(u32, u32, Vec<u8>)>; 2],
+}
+
+impl Live {
+    /// Nothing is open yet.
+    pub fn new(record: PathBuf) -> Self {
+        Self { record, looked: None, asked: None, slots: Vec::new(), tapped: None }
+    }
+
+    /// Looks which loops write the record, and takes what has come on the topics of one of them.
+    ///
+    /// # Errors
+    /// If the topics cannot be read.
+    pub fn look(&mut self, slot: Option<u32>) -> Result<()> {
+        if self.looked.is_none_or(|looked| looked.elapsed() >= LOOK) {
+            self.slots = loops(&self.record)?;
+            self.looked = Some(Instant::now());
+        }
+        let wanted = self.slots.iter().find(|(_, found, _)| Some(found.slot) == slot).or(self.slots.first());
+        let Some((run, found, _)) = wanted else {
+            self.tapped = None;
+            return Ok(());
+        };
+        if self.tapped.as_ref().is_none_or(|tapped| tapped.run != *run || tapped.slot != found.slot) {
+            self.tapped = Tapped::open(run, found.slot)?;
+        }
+        self.asked = Some(Instant::now());
+        self.tapped.as_mut().map_or(Ok(()), |tapped| tapped.take(&[2, 3, 0, 1]))
+    }
+
+    /// Takes controls and states between two requests, so that curves have more points than requests.
+    pub fn sample(&mut self) {
+        if self.asked.is_some_and(|asked| asked.elapsed() < ASKED)
+            && let Some(tapped) = &mut self.tapped
+        {
+            // The next request reports what is wrong with the topics.
+            let _ = tapped.take(&[2, 3]);
+        }
+    }
+
+    /// Whether a loop writes the record.
+    pub fn is_under_way(&self) -> bool {
+        !self.slots.is_empty()
+    }
+
+    /// What is driven, as JSON.
+    pub fn told(&self) -> Value {
+        let slots: Vec<_> = self
+            .slots
+            .iter()
+            .map(|(_, slot, announced)| json!({ "slot": slot.slot, "name": announced.name }))
+            .collect();
+        let Some(tapped) = &self.tapped else { return json!({ "slots": slots }) };
+        let announced = self
+            .slots
+            .iter()
+            .find(|(run, slot, announced)| {
+                *run == tapped.run && slot.slot == tapped.slot && Some(announced.number) == tapped.scenario
+            })
+            .map(|(_, _, announced)| announced);
+        let points: Vec<_> = tapped.points.iter().map(|point| numbers(&point.state, point.control)).collect();
+        json!({
+            "slots": slots, "slot": tapped.slot, "name": announced.map(|announced| &announced.name),
+            "road": announced.map(|announced| road(&announced.road)), "points": points,
+        })
+    }
+
+    /// The newest frame as a picture; none if none has come.
+    ///
+    /// # Errors
+    /// If it cannot be encoded.
+    pub fn frame(&self, perturbed: bool) -> Result<Option<Vec<u8>>> {
+        let Some((width, height, pixels)) =
+            self.tapped.as_ref().and_then(|tapped| tapped.frames[usize::from(perturbed)].as_ref())
+        else {
+            return Ok(None);
+        };
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let picture = RgbImage::from_raw(*width, *height, pixels.clone())
+            .ok_or_else(|| Error::new("a frame is not of the size that its header has"))?;
+        // Not compressed: that costs less than a JPEG, and shows the very pixels.
+        picture.write_to(&mut bytes, ImageFormat::Bmp).place("cannot encode a frame")?;
+        Ok(Some(bytes.into_inner()))
+    }
+}
+
+/// A moment as the page draws it: time, x, z, cross-track error, steering, speed, progress.
+pub fn numbers(state: &State, control: Option<Control>) -> Value {
+    let [x, _, z] = state.position;
+    let steering = control.map(|control| control.steering);
+    json!([state.time, x, z, state.cross_track_error, steering, state.speed, state.progress])
+}
+
+/// A centre line as points of x and z; nothing if it cannot be read.
+pub fn road(waypoints: &str) -> Value {
+    let points = pdk_road::parse(waypoints).unwrap_or_default();
+    points.into_iter().map(|[x, _, z]| json!([x, z])).collect()
+}
+
+/// The record that a loop writes.
+fn record_of(announced: &Announced) -> Option<&Path> {
+    announced.trace.parent().and_then(Path::parent)
+}
+
+/// The loops that write a record, by their slots.
+fn loops(record: &Path) -> Result<Vec<(String, SlotTopics, Announced)>> {
+    let all = all()?.into_iter();
+    let own = |found: &(String, SlotTopics, Announced)| {
+        record_of(&found.2).is_some_and(|folder| std::fs::canonicalize(folder).is_ok_and(|it| it == record))
+    };
+    Ok(all.filter(own).collect())
+}
+
+/// All loops that record what they drive, those of the run that started last first.
+fn all() -> Result<Vec<(String, SlotTopics, Announced)>> {
+    let runs = Tap::list().map_err(|error| Error::new(error.message()))?;
+    let mut found = Vec::new();
+    for run in runs {
+        for slot in run.slots {
+            if let Some(announced) = slot.announced().and_then(|text| serde_json::from_str(&text).ok()) {
+                found.push((run.run.clone(), slot, announced));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The record of the run that started last of those under way.
+///
+/// # Errors
+/// If the topics cannot be listed.
+pub fn latest() -> Result<Option<PathBuf>> {
+    Ok(all()?.iter().find_map(|(_, _, announced)| record_of(announced).map(Path::to_owned)))
+}
+
+impl Tapped {
+    fn open(run: &str, slot: u32) -> Result<Option<Self>> {
+        let open = |topic| Tap::open(run, slot, topic, OPEN);
+        // A loop that is gone by now is not an error: the next look finds the one that took its place.
+        let (Ok(raw), Ok(perturbed), Ok(control), Ok(state)) =
+            (open(Topic::Raw), open(Topic::Perturbed), open(Topic::Control), open(Topic::State))
+        else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            run: run.to_owned(),
+            slot,
+            taps: [raw, perturbed, control, state],
+            scenario: None,
+            points: Vec::new(),
+            frames: [None, None],
+        }))
+    }
+
+    /// Takes what has come on these topics since the last time; of the frames only the newest.
+    fn take(&mut self, topics: &[usize]) -> Result<()> {
+        let mut controls = Vec::new();
+        for &place in topics {
+            let mut newest = None;
+            while let Some(message) =
+                self.taps[place].receive(Duration::ZERO).map_err(|error| Error::new(error.message()))?
+            {
+                match message {
+                    Message::Control(header, control) => controls.push((header.sequence, control)),
+                    Message::State(header, state) => {
+                        if self.scenario.replace(header.scenario) != Some(header.scenario) {
+                            self.points.clear();
+                        }
+                        let control = controls.iter().find(|(sequence, _)| *sequence == header.sequence);
+                        self.points.push(Point { state, control: control.map(|(_, control)| *control) });
+                    }
+                    Message::Frame(frame) => newest = Some(frame),
+                }
+            }
+            if let Some(frame) = newest {
+                let header = frame.header();
+                self.frames[place] = Some((header.width, header.height, frame.to_vec()));
+            }
+        }
+        if self.points.len() > MOST_POINTS {
+            // Every second one tells the same.
+            let mut odd = false;
+            self.points.retain(|_| {
+                odd = !odd;
+                odd
+            });
+        }
+        Ok(())
+    }
+}
