@@ -43,7 +43,9 @@ fn too_little_memory_is_an_error_and_no_abort() {
     let folder = temp();
     // How much is too little depends on the machine, so this goes through all that there is between too little and enough. A process that
     // cannot even be loaded is killed by the system before its first statement, so this begins at what `--version` needs.
-    let loads = |megabytes: &u64| program_limited(&format!("-v {}", megabytes << 10)).args(["--version"]).run().code == Some(0);
+    let loads = |megabytes: &u64| {
+        program_limited(&format!("-v {}", megabytes << 10)).args(["--version"]).run().code == Some(0)
+    };
     let least = (16..200).step_by(4).find(loads).expect("pdk needs less than 200 MiB to say its version");
     for megabytes in (least..=least + 360).step_by(12) {
         let finished = limited(&format!("-v {}", megabytes << 10), folder.path());
