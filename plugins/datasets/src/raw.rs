@@ -7,7 +7,6 @@ use pdk_video::Yuv420;
 use crate::mosaic::Mosaic;
 
 /// A picture without compression.
-#[derive(Clone, Copy)]
 pub struct Raw<'a> {
     /// Pixels in a row.
     pub width: u32,
