@@ -1,4 +1,4 @@
-//! MCAP files, record by record: every message with its place, so that it can be read again.
+//! MCAP files, record by record: every message with its place, so that it can be read again. Bags of ROS 2 in SQLite likewise, row by row.
 //!
 //! The file says how long its records are. That is compared with the file, and with a limit, before memory is taken for them.
 
@@ -14,6 +14,10 @@ use pdk_sdk::error::Place as _;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
+use crate::sqlite::{self, Sqlite, Value};
+
+/// The table with the messages of a bag in SQLite.
+const MESSAGES: &str = "messages";
 /// How an MCAP file begins.
 pub const MAGIC: &[u8] = ::mcap::MAGIC;
 /// Bytes of a record, and of what a chunk unpacks to.
@@ -24,12 +28,12 @@ const LARGEST: u64 = 1 << 29;
 pub struct Place {
     /// The number of the file.
     pub file: usize,
-    /// Where the record of the message, or of its chunk, begins.
+    /// Where the record of the message, or of its chunk, begins; the number of the row in SQLite.
     at: u64,
     /// Its place among the messages of the chunk.
     ordinal: u32,
-    /// Its channel in the file.
-    channel: u16,
+    /// Its channel in the file; none in SQLite.
+    channel: Option<u16>,
 }
 
 /// A message as it is found.
@@ -49,9 +53,9 @@ pub struct Message<'a> {
 }
 
 /// A chunk: its file, its place and channel, and its messages by their place in it.
-type Chunk = (usize, u64, u16, BTreeMap<u32, Vec<u8>>);
+type Chunk = (usize, u64, Option<u16>, BTreeMap<u32, Vec<u8>>);
 
-/// MCAP files that belong together.
+/// Files that belong together.
 pub struct Bag {
     files: Vec<PathBuf>,
     /// The chunk that was read last.
@@ -71,8 +75,11 @@ impl Bag {
     pub fn scan(&self, show: &mut dyn FnMut(&Message<'_>) -> Result<()>) -> Result<Option<String>> {
         let mut early = None;
         for (number, path) in self.files.iter().enumerate() {
-            let end = scan(number, path, show).place(format_args!("`{}`", path.display()))?;
-            early = early.or(end);
+            let place = format!("`{}`", path.display());
+            match is_sqlite(path) {
+                true => scan_rows(number, path, show).place(place)?,
+                false => early = early.or(scan(number, path, show).place(place)?),
+            }
         }
         Ok(early)
     }
@@ -86,21 +93,40 @@ impl Bag {
         let is_kept = matches!(&self.kept, Some((f, a, c, _)) if (*f, *a, *c) == (file, at, channel));
         if !is_kept {
             let path = self.files.get(file).ok_or_else(changed)?;
-            let mut reader = Records::open(path)?;
-            let (opcode, body) = reader.record(at)?.ok_or_else(changed)?;
-            let mut messages = BTreeMap::new();
-            each_message(opcode, &body, &mut |message| {
-                if let Found::Message { ordinal, channel: of, data, .. } = message
-                    && of == channel
-                {
-                    messages.insert(ordinal, data.to_vec());
-                }
-                Ok(())
-            })?;
+            let messages = match channel {
+                Some(channel) => chunk(path, at, channel)?,
+                None => BTreeMap::from([(0, row(path, at)?)]),
+            };
             self.kept = Some((file, at, channel, messages));
         }
         let messages = self.kept.as_ref().map(|(.., messages)| messages);
         messages.and_then(|messages| messages.get(&ordinal)).map(Vec::as_slice).ok_or_else(changed)
+    }
+}
+
+/// The messages of a channel in a chunk, by their place in it.
+fn chunk(path: &Path, at: u64, channel: u16) -> Result<BTreeMap<u32, Vec<u8>>> {
+    let (opcode, body) = Records::open(path)?.record(at)?.ok_or_else(changed)?;
+    let mut messages = BTreeMap::new();
+    each_message(opcode, &body, &mut |message| {
+        if let Found::Message { ordinal, channel: of, data, .. } = message
+            && of == channel
+        {
+            messages.insert(ordinal, data.to_vec());
+        }
+        Ok(())
+    })?;
+    Ok(messages)
+}
+
+/// The message of a row.
+fn row(path: &Path, at: u64) -> Result<Vec<u8>> {
+    let mut file = Sqlite::open(path)?;
+    let table = file.table(MESSAGES)?;
+    let mut values = file.get(&table, at as i64)?.ok_or_else(changed)?;
+    match values.get_mut(table.column("data")?) {
+        Some(Value::Bytes(data)) => Ok(std::mem::take(data)),
+        _ => Err(changed()),
     }
 }
 
@@ -233,7 +259,7 @@ fn scan(
                         })?;
                         let schema = schemas.get(&known.schema_id).map_or("", String::as_str);
                         let (topic, encoding) = (known.topic.as_str(), known.message_encoding.as_str());
-                        let place = Place { file, at, ordinal, channel };
+                        let place = Place { file, at, ordinal, channel: Some(channel) };
                         show(&Message { topic, encoding, schema, time, place, data })?;
                     }
                 }
@@ -242,4 +268,32 @@ fn scan(
         }
         at += 9 + length;
     }
+}
+
+/// Whether a file begins as one of SQLite. What cannot be read is reported by its reader.
+fn is_sqlite(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = file::open(path).map(|(file, _)| file.take(sqlite::MAGIC.len() as u64).read_to_end(&mut head));
+    read.is_ok_and(|read| read.is_ok()) && head == sqlite::MAGIC
+}
+
+fn scan_rows(file: usize, path: &Path, show: &mut dyn FnMut(&Message<'_>) -> Result<()>) -> Result<()> {
+    let mut bag = Sqlite::open(path)?;
+    let topics = sqlite::topics(&mut bag)?;
+    let table = bag.table(MESSAGES)?;
+    let [topic, time, data] = ["topic_id", "timestamp", "data"].map(|name| table.column(name));
+    let (topic, time, data) = (topic?, time?, data?);
+    bag.scan(&table, &mut |number, row| {
+        let whole = |place: usize| row.get(place).and_then(Value::whole);
+        let of_topic = whole(topic).and_then(|topic| topics.get(&topic));
+        let (Some([topic, schema, encoding]), Some(time), Some(Value::Bytes(data))) =
+            (of_topic, whole(time), row.get(data))
+        else {
+            return Err(Error::new(format!(
+                "it is damaged: message {number} has no topic, time or content; copy it again"
+            )));
+        };
+        let place = Place { file, at: number as u64, ordinal: 0, channel: None };
+        show(&Message { topic, encoding, schema, time: time.max(0) as u64, place, data })
+    })
 }

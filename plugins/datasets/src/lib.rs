@@ -2,11 +2,13 @@
 //!
 //! | reader | what it reads |
 //! |---|---|
+//! | [`Comma2k19`] | segments of comma2k19 |
 //! | [`Csv`] | a folder of pictures with a CSV file, such as Udacity's |
 //! | [`Folder`] | a folder of images with one record each, such as a DonkeyCar tub of version 1 |
+//! | [`LeRobot`] | a recording of LeRobot |
 //! | [`Mcap`] | an MCAP file |
 //! | [`Pictures`] | a folder of pictures without labels |
-//! | [`Rosbag2`] | the folder of a ROS 2 bag with MCAP files |
+//! | [`Rosbag2`] | the folder of a ROS 2 bag with files in MCAP or SQLite |
 //! | [`Tub`] | a DonkeyCar tub of version 2 |
 //! | [`Video`] | a video, with a CSV file or without |
 //!
@@ -19,19 +21,26 @@
 mod bag;
 mod cdr;
 mod clock;
+mod comma2k19;
 mod csv;
+mod elements;
 mod folder;
 mod foxglove;
 mod inside;
 mod label;
+mod lerobot;
 mod listing;
 mod mcap;
 mod message;
+mod mosaic;
+mod parquet;
 mod pictures;
 mod place;
 mod raw;
 mod record;
+mod reel;
 mod rosbag2;
+mod sqlite;
 mod table;
 mod topics;
 mod tub;
@@ -40,8 +49,10 @@ mod video;
 #[cfg(test)]
 mod fixture;
 
+pub use comma2k19::Comma2k19;
 pub use csv::Csv;
 pub use folder::Folder;
+pub use lerobot::LeRobot;
 pub use mcap::Mcap;
 pub use pictures::Pictures;
 pub use rosbag2::Rosbag2;
@@ -50,6 +61,6 @@ pub use video::Video;
 
 pdk_sdk::export! {
     datasets: [
-        tub::Tub, folder::Folder, csv::Csv, mcap::Mcap, pictures::Pictures, rosbag2::Rosbag2, video::Video
+        tub::Tub, folder::Folder, comma2k19::Comma2k19, csv::Csv, lerobot::LeRobot, mcap::Mcap, pictures::Pictures, rosbag2::Rosbag2, video::Video
     ]
 }

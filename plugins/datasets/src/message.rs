@@ -128,11 +128,31 @@ pub enum Numbers {
     Twist(bool),
     /// `ackermann_msgs/AckermannDrive`: the steering angle and the speed; with a header or without.
     Ackermann(bool),
+    /// `pdk.Control` of a trace: steering and throttle.
+    Control,
+    /// `pdk.State` of a trace: the speed.
+    State,
+}
+
+/// What a message with numbers says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// The steering, or its only number.
+    pub first: f64,
+    /// The throttle, if it has one besides.
+    pub throttle: Option<f64>,
+    /// The speed, if it has one besides.
+    pub speed: Option<f64>,
 }
 
 impl Numbers {
     /// The kind of a message; none if it is not read.
     pub fn of(encoding: &str, schema: &str) -> Option<Self> {
+        match (encoding, schema) {
+            ("protobuf", "pdk.Control") => return Some(Self::Control),
+            ("protobuf", "pdk.State") => return Some(Self::State),
+            _ => {}
+        }
         let name = schema.strip_prefix("std_msgs/msg/").or(schema.strip_prefix("geometry_msgs/msg/"));
         let name = name.or(schema.strip_prefix("ackermann_msgs/msg/")).filter(|_| encoding == "cdr")?;
         Some(match name {
@@ -152,37 +172,90 @@ impl Numbers {
             Self::Float32 | Self::Float64 => "data",
             Self::Twist(_) => "angular.z",
             Self::Ackermann(_) => "steering_angle",
+            Self::Control => "steering",
+            Self::State => "speed",
         }
     }
 
-    /// The steering of a message, or its only number, and the speed if it has one.
+    /// Whether messages of this kind have steering, whatever their topic is called.
+    pub fn steers(self) -> bool {
+        matches!(self, Self::Twist(_) | Self::Ackermann(_) | Self::Control)
+    }
+
+    /// What a message says.
     ///
     /// # Errors
     /// If the message is damaged, or a number is not finite.
-    pub fn read(self, data: &[u8]) -> Result<(f64, Option<f64>)> {
-        let mut cdr = Cdr::new(data)?;
-        if matches!(self, Self::Twist(true) | Self::Ackermann(true)) {
-            cdr.header()?;
-        }
-        let (first, speed) = match self {
-            Self::Float32 => (cdr.f32()?, None),
-            Self::Float64 => (cdr.f64()?, None),
-            Self::Twist(_) => {
+    pub fn read(self, data: &[u8]) -> Result<Reading> {
+        let mut reading = Reading { first: f64::NAN, throttle: None, speed: None };
+        match self {
+            Self::Control => {
+                let Control { steering, throttle } = Control::decode(data).map_err(damaged)?;
+                reading = Reading { first: steering, throttle: Some(throttle), speed: None };
+            }
+            Self::State => reading.first = State::decode(data).map_err(damaged)?.speed,
+            Self::Float32 => reading.first = Cdr::new(data)?.f32()?,
+            Self::Float64 => reading.first = Cdr::new(data)?.f64()?,
+            Self::Twist(has_header) => {
+                let mut cdr = Cdr::new(data)?;
+                if has_header {
+                    cdr.header()?;
+                }
                 let mut values = [0.0; 6];
                 for value in &mut values {
                     *value = cdr.f64()?;
                 }
-                (values[5], Some(values[0]))
+                reading = Reading { first: values[5], throttle: None, speed: Some(values[0]) };
             }
-            Self::Ackermann(_) => {
+            Self::Ackermann(has_header) => {
+                let mut cdr = Cdr::new(data)?;
+                if has_header {
+                    cdr.header()?;
+                }
                 let angle = cdr.f32()?;
                 cdr.f32()?;
-                (angle, Some(cdr.f32()?))
+                reading = Reading { first: angle, throttle: None, speed: Some(cdr.f32()?) };
             }
-        };
-        match first.is_finite() && speed.is_none_or(f64::is_finite) {
-            true => Ok((first, speed)),
+        }
+        let Reading { first, throttle, speed } = reading;
+        match first.is_finite() && [throttle, speed].iter().flatten().all(|number| number.is_finite()) {
+            true => Ok(reading),
             false => Err(Error::new("a number in the message is not finite")),
         }
+    }
+}
+
+/// `pdk.Control` as traces have it.
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+struct Control {
+    #[prost(double, tag = "1")]
+    steering: f64,
+    #[prost(double, tag = "2")]
+    throttle: f64,
+}
+
+/// `pdk.State` as traces have it, of which the speed is read.
+#[derive(Clone, Copy, PartialEq, prost::Message)]
+struct State {
+    #[prost(double, tag = "6")]
+    speed: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::prelude::{Control as Driven, State as Situation};
+
+    #[test]
+    fn the_numbers_of_fields_in_traces_are_those_of_the_model() {
+        let number =
+            |names: &[&str], wanted: &str| 1 + names.iter().position(|name| *name == wanted).unwrap();
+        assert_eq!(["steering", "throttle"].map(|name| number(&Driven::NUMBERS, name)), [1, 2]);
+        assert_eq!(number(&Situation::NUMBERS, "speed"), 6);
+        let control = Control { steering: -0.5, throttle: 0.25 }.encode_to_vec();
+        let reading = Numbers::of("protobuf", "pdk.Control").unwrap().read(&control).unwrap();
+        assert_eq!(reading, Reading { first: -0.5, throttle: Some(0.25), speed: None });
+        let state = State { speed: 12.5 }.encode_to_vec();
+        assert_eq!(Numbers::of("protobuf", "pdk.State").unwrap().read(&state).unwrap().first, 12.5);
     }
 }

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
+use crate::comma2k19::VIDEO;
 use crate::inside::Inside;
+use crate::lerobot::INFO;
 use crate::listing::{ends_in, in_order, is_picture, names};
 use crate::place::{Named, beyond, unsuitable};
 
@@ -44,6 +46,7 @@ impl Component for Pictures {
             let text = name.to_string_lossy();
             ends_in(name, &["csv", "mcap"])
                 || matches!(&*text, "manifest.json" | "metadata.yaml")
+                || text == "meta" && root.join(INFO).is_file()
                 || text.starts_with("record_") && ends_in(name, &["json"])
         });
         if let (Some(labels), false) = (labels, config.boolean("unlabelled")) {
@@ -53,7 +56,10 @@ impl Component for Pictures {
             )));
         }
         let mut names = Vec::new();
-        list(&root, Path::new(""), 0, &mut names).map_err(|error| error.at(&place))?;
+        list(&root, Path::new(""), 0, &mut names).map_err(|error| match error.kind() {
+            ErrorKind::Unsuitable => error,
+            _ => error.at(&place),
+        })?;
         if names.is_empty() {
             return Err(unsuitable("it has no pictures (JPEG, PNG, BMP or WebP)"));
         }
@@ -80,6 +86,9 @@ fn list(root: &Path, inside: &Path, depth: usize, names: &mut Vec<String>) -> Re
         let kind = entry.file_type().place("cannot list it")?;
         if kind.is_dir() {
             list(root, &name, depth + 1, names)?;
+        } else if name.file_name().is_some_and(|name| name == VIDEO) {
+            // Its previews are not the recording.
+            return Err(unsuitable(format_args!("it has `{}`, as comma2k19 has", name.display())));
         } else if kind.is_file() && is_picture(&name) {
             names.push(name.to_string_lossy().into_owned());
         }

@@ -4,6 +4,8 @@ use pdk_image::check_size;
 use pdk_sdk::prelude::*;
 use pdk_video::Yuv420;
 
+use crate::mosaic::Mosaic;
+
 /// A picture without compression.
 pub struct Raw<'a> {
     /// Pixels in a row.
@@ -30,9 +32,18 @@ impl Raw<'_> {
         }
         let (width, height, step) = (self.width as usize, self.height as usize, self.step as usize);
         let encoding = self.encoding.to_ascii_lowercase();
+        if let Some(mosaic) = Mosaic::of(&encoding) {
+            let fits =
+                width > 1 && height > 1 && step >= width && self.data.len() >= step * (height - 1) + width;
+            return if fits {
+                Ok(mosaic.frame(self.data, width, height, step))
+            } else {
+                Err(self.does_not_fit())
+            };
+        }
         let layout = Layout::of(&encoding).ok_or_else(|| {
             Error::new(format!(
-                "its pixels are stored as `{}`, and rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, 8UC3, yuv422 and yuv422_yuy2 are read; \
+                "its pixels are stored as `{}`, and rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, 8UC3, yuv422, yuv422_yuy2 and the four of Bayer with 8 bits, such as bayer_rggb8, are read; \
                  convert the topic",
                 self.encoding
             ))
@@ -40,11 +51,7 @@ impl Raw<'_> {
         let row = width * layout.bytes();
         let enough = step >= row && self.data.len() >= step * (height - 1) + row;
         if !enough || (layout.is_yuv() && width % 2 == 1) {
-            return Err(Error::new(format!(
-                "it is {width} x {height} in `{}` with {step} bytes a row, and has {} bytes, which does not fit; record it again",
-                self.encoding,
-                self.data.len()
-            )));
+            return Err(self.does_not_fit());
         }
         let mut frame = FrameBuf::new(width, height);
         let mut into = frame.as_mut();
@@ -52,6 +59,14 @@ impl Raw<'_> {
             layout.convert(&from[..row], into.row_mut(y));
         }
         Ok(frame)
+    }
+
+    fn does_not_fit(&self) -> Error {
+        let Self { width, height, encoding, step, data } = self;
+        Error::new(format!(
+            "it is {width} x {height} in `{encoding}` with {step} bytes a row, and has {} bytes, which does not fit; record it again",
+            data.len()
+        ))
     }
 }
 
@@ -126,6 +141,16 @@ mod tests {
         // White and black without chroma.
         assert_eq!(pixels("yuv422", 2, &[128, 235, 128, 16]).unwrap(), [255, 255, 255, 0, 0, 0]);
         assert_eq!(pixels("yuv422_yuy2", 2, &[235, 128, 16, 128]).unwrap(), [255, 255, 255, 0, 0, 0]);
+    }
+
+    #[test]
+    fn pixels_of_bayer_become_rgb() {
+        let data = [10, 20, 0, 30, 40, 0];
+        let raw = Raw { width: 2, height: 2, encoding: "bayer_rggb8", step: 3, data: &data };
+        assert_eq!(raw.to_frame().unwrap().data(), [10, 25, 40, 10, 20, 40, 10, 30, 40, 10, 25, 40]);
+        assert!(Raw { height: 3, ..raw }.to_frame().unwrap_err().message().contains("does not fit"));
+        let deep = Raw { encoding: "bayer_rggb16", ..raw }.to_frame().unwrap_err();
+        assert!(deep.message().contains("bayer_rggb8, are read"), "{deep}");
     }
 
     #[test]

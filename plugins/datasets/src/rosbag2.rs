@@ -1,4 +1,4 @@
-//! Bags of ROS 2: a folder with `metadata.yaml` and MCAP files.
+//! Bags of ROS 2: a folder with `metadata.yaml` and files in MCAP or SQLite.
 
 use std::path::{Path, PathBuf};
 
@@ -22,9 +22,9 @@ pub struct Rosbag2 {
 
 impl Component for Rosbag2 {
     fn description() -> Description {
-        let doc = "Reads a ROS 2 bag: a folder with metadata.yaml and MCAP files";
+        let doc = "Reads a ROS 2 bag: a folder with metadata.yaml and files in MCAP or SQLite";
         let description = Description::dataset("rosbag2", doc)
-            .source("ROS 2, rosbag2_storage_mcap")
+            .source("ROS 2, rosbag2_storage_mcap and rosbag2_storage_sqlite3")
             .parameter(Parameter::path("path", "the folder"));
         Drive::parameters().into_iter().fold(description, Description::parameter)
     }
@@ -39,17 +39,23 @@ impl Component for Rosbag2 {
         }
         let place = format!("ROS 2 bag `{}`", path.display());
         let all = names(&root).map_err(|error| error.at(&place))?;
-        let files: Vec<PathBuf> = all.iter().filter(|name| ends_in(name, &["mcap"])).cloned().collect();
+        let files: Vec<PathBuf> =
+            all.iter().filter(|name| ends_in(name, &["mcap", "db3"])).cloned().collect();
         if files.is_empty() {
-            let other = all.iter().find(|name| ends_in(name, &["db3", "zstd", "sqlite3"]));
+            let other = all.iter().find(|name| ends_in(name, &["zstd"]));
             return Err(match other {
                 Some(other) => Error::new(format!(
-                    "{place} is stored as `{}`, and pdk reads bags with MCAP files; convert it with `ros2 bag convert`, or with \
-                     `rosbags-convert --dst-storage mcap`",
+                    "{place} is compressed as a file, `{}`; unpack it, such as with `unzstd`, or convert it with `ros2 bag convert`",
                     other.display()
                 )),
-                None => Error::new(format!("{place} has no MCAP files; copy it again")),
+                None => Error::new(format!("{place} has no files in MCAP or SQLite; copy it again")),
             });
+        }
+        let metadata = folder.record(Path::new(METADATA)).map_err(|error| error.at(&place))?;
+        if files.iter().any(|name| ends_in(name, &["db3"])) && has_packed_messages(&metadata) {
+            return Err(Error::new(format!(
+                "the messages of {place} are compressed one by one; convert it with `ros2 bag convert`, without compression"
+            )));
         }
         let paths = files.iter().map(|name| folder.path(name)).collect::<Result<Vec<_>>>();
         let drive =
@@ -61,6 +67,12 @@ impl Component for Rosbag2 {
         let Self { folder, files, .. } = Self::new(config)?;
         Ok(vec![folder.input_files([PathBuf::from(METADATA)].into_iter().chain(files))])
     }
+}
+
+/// Whether the metadata of a bag says that each message is compressed.
+fn has_packed_messages(metadata: &str) -> bool {
+    let mode = metadata.lines().find_map(|line| line.trim().strip_prefix("compression_mode:"));
+    mode.is_some_and(|mode| mode.trim().trim_matches(['"', '\'']).eq_ignore_ascii_case("message"))
 }
 
 impl Dataset for Rosbag2 {
@@ -82,5 +94,26 @@ impl Dataset for Rosbag2 {
 
     fn info(&self) -> Vec<(String, String)> {
         self.drive.info()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::config;
+    use pdk_sdk::serde_json::json;
+
+    #[test]
+    fn what_is_compressed_is_refused_with_a_remedy() {
+        let dir = tempfile::tempdir().unwrap();
+        let error = |name: &str, metadata: &str| {
+            std::fs::write(dir.path().join(name), "").unwrap();
+            std::fs::write(dir.path().join(METADATA), metadata).unwrap();
+            Rosbag2::new(&config::<Rosbag2>(json!({"path": dir.path()}))).err().unwrap().to_string()
+        };
+        assert!(error("a.db3.zstd", "").contains("unpack it"));
+        let one_by_one = "rosbag2_bagfile_information:\n  compression_mode: MESSAGE\n";
+        assert!(error("a.db3", one_by_one).contains("compressed one by one"));
+        assert!(error("a.db3", "  compression_mode: \"\"\n").contains("does not begin as an MCAP file"));
     }
 }

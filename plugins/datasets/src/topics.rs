@@ -7,12 +7,15 @@ use pdk_video::{Stream, Yuv420};
 
 use crate::bag::{Bag, Place};
 use crate::label::{Label, Units, pedals};
-use crate::message::{Numbers, Picture, decode_next};
+use crate::message::{Numbers, Picture, Reading, decode_next};
 use crate::place::{beyond, unsuitable};
 use crate::video::nearest;
 
 /// More messages than this of one topic are not believed.
 const MOST: usize = 1 << 22;
+
+/// The topic of a trace of pdk with pictures as the simulator gave them.
+const ORIGINAL: &str = "/raw";
 
 /// A drive in a bag.
 pub struct Drive {
@@ -46,7 +49,7 @@ struct Seen {
 /// Messages with numbers of a topic: when they were recorded and what they say.
 struct Series {
     kind: Numbers,
-    values: Vec<(u64, f64, Option<f64>)>,
+    values: Vec<(u64, Reading)>,
 }
 
 impl Drive {
@@ -61,7 +64,10 @@ impl Drive {
                 "the topic of the steering: Float32, Float64, Twist (angular.z) or AckermannDrive (steering_angle), with a header or \
                  without; guessed if it is not set, and `none` for none",
             ),
-            topic("throttle", "the topic of the throttle: Float32 or Float64"),
+            topic(
+                "throttle",
+                "the topic of the throttle: Float32 or Float64; that of the steering if it is not set and has one, as in traces of pdk",
+            ),
             topic("brake", "the topic of the brake, which counts against the throttle: Float32 or Float64"),
             topic(
                 "speed",
@@ -97,10 +103,10 @@ impl Drive {
                 let series = numbers
                     .entry(message.topic.to_owned())
                     .or_insert_with(|| Series { kind, values: Vec::new() });
-                let (first, speed) = kind
+                let reading = kind
                     .read(message.data)
                     .map_err(|error| error.at(format_args!("topic `{}`", message.topic)))?;
-                series.values.push((message.time, first, speed));
+                series.values.push((message.time, reading));
                 few_enough(series.values.len(), message.topic)?;
             } else if !others.contains_key(message.topic) {
                 others
@@ -109,7 +115,13 @@ impl Drive {
             Ok(())
         })?;
         let mut told = Vec::new();
-        let topic = choose("image", config.text("image"), pictures.keys(), |topic| {
+        // A trace of pdk has what the driver saw as well, perturbed already.
+        let is_trace = numbers.values().any(|series| series.kind == Numbers::Control);
+        let image = match config.text("image") {
+            "" if is_trace && pictures.contains_key(ORIGINAL) => ORIGINAL,
+            given => given,
+        };
+        let topic = choose("image", image, pictures.keys(), |topic| {
             pictures.get(topic).map_or(0, |(_, seen)| seen.len())
         })?;
         let Some(topic) = topic else {
@@ -267,31 +279,38 @@ fn labels(
     let steering = match config.text("steering") {
         "" => numbers
             .iter()
-            .find(|(_, series)| !matches!(series.kind, Numbers::Float32 | Numbers::Float64))
+            .find(|(_, series)| series.kind.steers())
             .or_else(|| numbers.iter().find(|(topic, _)| topic.to_lowercase().contains("steer")))
             .map(|(topic, _)| topic.clone()),
         _ => named("steering")?,
     };
+    let beside = |has: fn(&Reading) -> bool| {
+        let has_one = |topic: &String| numbers[topic].values.first().is_some_and(|(_, reading)| has(reading));
+        steering.clone().filter(has_one)
+    };
     let speed = match config.text("speed") {
-        "" => steering
-            .clone()
-            .filter(|topic| !matches!(numbers[topic].kind, Numbers::Float32 | Numbers::Float64)),
+        "" => beside(|reading| reading.speed.is_some()).or_else(|| {
+            numbers.iter().find(|(_, series)| series.kind == Numbers::State).map(|(topic, _)| topic.clone())
+        }),
         _ => named("speed")?,
     };
-    let (throttle, brake) = (named("throttle")?, named("brake")?);
+    let throttle = match config.text("throttle") {
+        "" => beside(|reading| reading.throttle.is_some()),
+        _ => named("throttle")?,
+    };
+    let brake = named("brake")?;
     // The values of a topic in the order of their times, in seconds after the first picture.
-    let series = |topic: &Option<String>, is_speed: bool| -> Vec<(f64, f64)> {
+    let series = |topic: &Option<String>, value: fn(&Reading) -> f64| -> Vec<(f64, f64)> {
         let values =
             topic.as_ref().and_then(|topic| numbers.get(topic)).map_or(&[][..], |series| &series.values);
-        let value = |(time, first, speed): &(u64, f64, Option<f64>)| {
-            (seconds(*time, origin), if is_speed { speed.unwrap_or(*first) } else { *first })
-        };
-        let mut values: Vec<(f64, f64)> = values.iter().map(value).collect();
+        let mut values: Vec<(f64, f64)> =
+            values.iter().map(|(time, reading)| (seconds(*time, origin), value(reading))).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
         values
     };
-    let [steerings, throttles, brakes] = [&steering, &throttle, &brake].map(|topic| series(topic, false));
-    let speeds = series(&speed, true);
+    let [steerings, brakes] = [&steering, &brake].map(|topic| series(topic, |reading| reading.first));
+    let throttles = series(&throttle, |reading| reading.throttle.unwrap_or(reading.first));
+    let speeds = series(&speed, |reading| reading.speed.unwrap_or(reading.first));
     let mut tell = |what: &str, topic: &Option<String>, how: String| {
         let topic = topic.as_ref().map(|topic| format!("topic {topic}{how}"));
         told.push((what.to_owned(), topic.unwrap_or_else(|| "not recorded".to_owned())));

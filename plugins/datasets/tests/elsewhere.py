@@ -75,6 +75,7 @@ def encode(*options):
     return ffmpeg("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{WIDTH}x{HEIGHT}", "-r", 10, "-i", "-", *options, data=raw())
 
 
+AV1 = ("-c:v", "libaom-av1", "-cpu-used", 8)
 X264 = ("-pix_fmt", "yuv420p", "-c:v", "libx264", "-crf", 4)
 
 
@@ -180,27 +181,159 @@ def pictures_of_stream():
     return [delimiter + units for units in stream.split(delimiter)[1:]]
 
 
-def rosbags_bag():
-    from rosbags.rosbag2 import StoragePlugin, Writer
+def bag(name, plugin, image_of=None):
+    """A bag of ROS 2, with the pictures as they are or as `image_of` makes them: the encoding, and pixels."""
+    from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     image, twist = (store.types[name] for name in ("sensor_msgs/msg/Image", "geometry_msgs/msg/Twist"))
     header, time_of = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
     vector = store.types["geometry_msgs/msg/Vector3"]
-    with Writer(OUT / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    with Writer(OUT / name, version=9, storage_plugin=plugin) as writer:
         camera = writer.add_connection("/camera", image.__msgtype__, typestore=store)
         command = writer.add_connection("/cmd_vel", twist.__msgtype__, typestore=store)
         for number in range(FRAMES):
             # A pause in the middle.
             time = 1_700_000_000_000_000_000 + number * 100_000_000 + (5_000_000_000 if number >= 3 else 0)
             stamp = header(stamp=time_of(sec=1, nanosec=2), frame_id="cam")
-            message = image(header=stamp, height=HEIGHT, width=WIDTH, encoding="rgb8", is_bigendian=0, step=WIDTH * 3,
-                            data=picture(number).reshape(-1))
+            encoding, pixels = ("rgb8", picture(number)) if image_of is None else image_of(number)
+            message = image(header=stamp, height=HEIGHT, width=WIDTH, encoding=encoding, is_bigendian=0, step=pixels.nbytes // HEIGHT,
+                            data=pixels.reshape(-1))
             writer.write(camera, time, store.serialize_cdr(message, image.__msgtype__))
             message = twist(linear=vector(x=float(number), y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=steering(number)))
             writer.write(command, time, store.serialize_cdr(message, twist.__msgtype__))
-    expect("rosbag2", "rosbag2", "bag", time=lambda n: n / 10 + (5 if n >= 3 else 0), steering=steering, speed=float)
+
+
+def bag_time(number):
+    return number / 10 + (5 if number >= 3 else 0)
+
+
+def rosbags_bag():
+    from rosbags.rosbag2 import StoragePlugin
+
+    bag("bag", StoragePlugin.MCAP)
+    expect("rosbag2", "rosbag2", "bag", time=bag_time, steering=steering, speed=float)
+
+
+def mosaic(number):
+    """What a sensor sees whose first row is red, green, red and so on, and whose second is green, blue, green."""
+    whole = picture(number)
+    pixels = whole[..., 1].copy()
+    pixels[0::2, 0::2], pixels[1::2, 1::2] = whole[0::2, 0::2, 0], whole[1::2, 1::2, 2]
+    return "bayer_rggb8", pixels
+
+
+def rosbags_sqlite():
+    from rosbags.rosbag2 import StoragePlugin
+
+    bag("bag_sqlite", StoragePlugin.SQLITE3)
+    expect("rosbag2 sqlite", "rosbag2", "bag_sqlite", time=bag_time, steering=steering, speed=float)
+    bag("bag_bayer", StoragePlugin.SQLITE3, mosaic)
+    expect("rosbag2 bayer", "rosbag2", "bag_bayer", off=0.75, time=bag_time, steering=steering, speed=float)
+
+
+def comma2k19():
+    if shutil.which("ffmpeg") is None:
+        raise FileNotFoundError("no ffmpeg on the PATH")
+    folder = OUT / "comma2k19"
+    for segment in range(2):
+        inside = folder / "b0c9d2329ad1606b|2018-08-02--08-34-47" / str(9 + segment)
+        poses, log = inside / "global_pose", inside / "processed_log" / "CAN"
+        for each in (poses, log / "steering_angle", log / "speed"):
+            each.mkdir(parents=True)
+        encode("-c:v", "libx265", "-x265-params", "log-level=error:crf=4:bframes=2", "-pix_fmt", "yuv420p", "-f", "hevc", inside / "video.hevc")
+        times = 1000.0 + segment * FRAMES / 20 + np.arange(FRAMES) / 20
+        # The log has more than frames, and values of its own shape.
+        arrays = {
+            poses / "frame_times": times,
+            log / "steering_angle" / "t": np.repeat(times, 2) + np.tile([0, 0.02], FRAMES),
+            log / "steering_angle" / "value": -400.0 * np.repeat([steering(number) for number in range(FRAMES)], 2),
+            log / "speed" / "t": times + 0.004,
+            log / "speed" / "value": np.arange(FRAMES, dtype=np.float64)[:, None],
+        }
+        for path, array in arrays.items():
+            with open(path, "wb") as file:
+                np.save(file, array)
+    frames = [*range(FRAMES)] * 2
+    expect("comma2k19", "comma2k19", "comma2k19", off=6, parameters={"full_lock": -400}, frames=frames, steering=steering, speed=float)
+    for place, frame in enumerate(EXPECTED["comma2k19"]["frames"]):
+        frame["time"] = place / 20
+
+
+def info(version, codec, **paths):
+    picture = {"dtype": "video", "shape": [HEIGHT, WIDTH, 3], "names": ["height", "width", "channels"], "info": {"video.codec": codec}}
+    features = {
+        "observation.images.front": picture,
+        "observation.state": {"dtype": "float32", "shape": [1], "names": {"axes": ["speed"]}},
+        "action": {"dtype": "float32", "shape": [3], "names": ["gas", "brake", "steering"]},
+        "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+        "frame_index": {"dtype": "int64", "shape": [1], "names": None},
+        "episode_index": {"dtype": "int64", "shape": [1], "names": None},
+    }
+    return {"codebase_version": version, "fps": 10, "total_episodes": 2, "total_frames": 2 * FRAMES, "chunks_size": 1000,
+            "features": features, **paths}
+
+
+def episode(number):
+    """The columns of an episode, as LeRobot has them."""
+    frames = range(FRAMES)
+    return {
+        "observation.state": [np.array([float(frame)], np.float32) for frame in frames],
+        "action": [np.array([0.75, 0.25, steering(frame)], np.float32) for frame in frames],
+        "timestamp": np.arange(FRAMES, dtype=np.float32) / np.float32(10),
+        "frame_index": np.arange(FRAMES),
+        "episode_index": np.full(FRAMES, number),
+        "index": np.arange(FRAMES) + number * FRAMES,
+    }
+
+
+def expect_lerobot(name):
+    # What `float32` keeps of it.
+    single = lambda number: float(np.float32(steering(number)))
+    expect(name, "lerobot", name, off=6, frames=[*range(FRAMES)] * 2, steering=single, throttle=lambda n: 0.5, speed=float,
+           time=lambda n: float(np.float32(n) / np.float32(10)))
+
+
+def lerobot_2():
+    import pandas
+
+    folder = OUT / "lerobot_2"
+    data = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
+    video = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info("v2.1", "h264", data_path=data, video_path=video), indent=4))
+    for number in range(2):
+        numbers = {"episode_chunk": 0, "episode_index": number, "video_key": "observation.images.front"}
+        for path in (data, video):
+            (folder / path.format(**numbers)).parent.mkdir(parents=True, exist_ok=True)
+        pandas.DataFrame(episode(number)).to_parquet(folder / data.format(**numbers))
+        encode(*X264, "-bf", 2, folder / video.format(**numbers))
+    expect_lerobot("lerobot_2")
+
+
+def lerobot_3():
+    import pyarrow
+    from pyarrow import parquet
+
+    folder, camera = OUT / "lerobot_3", "observation.images.front"
+    data = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+    video = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+    numbers = {"chunk_index": 0, "file_index": 0, "video_key": camera}
+    for path in ("meta/episodes/chunk-000/file", data, video):
+        (folder / path.format(**numbers)).parent.mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info("v3.0", "av1", data_path=data, video_path=video), indent=4))
+    columns = [episode(number) for number in range(2)]
+    joined = {name: [row for of in columns for row in of[name]] for name in columns[0]}
+    kinds = {"observation.state": pyarrow.list_(pyarrow.float32(), 1), "action": pyarrow.list_(pyarrow.float32()), "timestamp": pyarrow.float32()}
+    table = pyarrow.table({name: pyarrow.array(rows, kinds.get(name, pyarrow.int64())) for name, rows in joined.items()})
+    parquet.write_table(table, folder / data.format(**numbers), compression="snappy", row_group_size=5)
+    begins = {"chunk_index": [0, 0], "file_index": [0, 0], "from_timestamp": [0.0, FRAMES / 10], "to_timestamp": [FRAMES / 10, 2 * FRAMES / 10]}
+    episodes = {"episode_index": [0, 1], "tasks": [["drive"], ["drive"]], **{f"videos/{camera}/{name}": rows for name, rows in begins.items()}}
+    parquet.write_table(pyarrow.table(episodes), folder / "meta/episodes/chunk-000/file-000.parquet")
+    ffmpeg("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{WIDTH}x{HEIGHT}", "-r", 10, "-i", "-", *AV1, "-crf", 4, "-g", 2,
+           "-pix_fmt", "yuv420p", folder / video.format(**numbers), data=raw() * 2)
+    expect_lerobot("lerobot_3")
 
 
 def donkeycar_tub():
@@ -217,6 +350,7 @@ def donkeycar_tub():
 
 OUT = Path(sys.argv[1])
 OUT.mkdir(parents=True, exist_ok=True)
-for each in (pandas_csv, videos, ros2_mcap, foxglove_mcap, rosbags_bag, donkeycar_tub):
+PARTS = (pandas_csv, videos, ros2_mcap, foxglove_mcap, rosbags_bag, rosbags_sqlite, comma2k19, lerobot_2, lerobot_3, donkeycar_tub)
+for each in PARTS:
     part(each)
 (OUT / "expected.json").write_text(json.dumps({"expected": EXPECTED, "left_out": LEFT_OUT}, indent=1) + "\n")

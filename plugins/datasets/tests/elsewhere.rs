@@ -1,14 +1,14 @@
 //! Recordings that other programs wrote: those in `written` everywhere, and fresh ones where the programs are installed.
 //!
 //! `PDK_TEST_PYTHON` names a Python with numpy, Pillow and as many as possible of pandas, mcap-ros2-support,
-//! mcap-protobuf-support, foxglove-schemas-protobuf, rosbags and donkeycar.
+//! mcap-protobuf-support, foxglove-schemas-protobuf, rosbags, pyarrow and donkeycar.
 
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use pdk_datasets::{Csv, Mcap, Rosbag2, Tub, Video};
+use pdk_datasets::{Comma2k19, Csv, LeRobot, Mcap, Rosbag2, Tub, Video};
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Value, json};
 
@@ -43,12 +43,15 @@ fn check(folder: &Path, has_ffmpeg: bool) -> usize {
     for (name, expected) in listed["expected"].as_object().unwrap() {
         let path = folder.join(expected["path"].as_str().unwrap());
         let parameters = &expected["parameters"];
-        let foreign = ["mkv", "avi", "webm"].iter().any(|ending| name.ends_with(ending));
+        let foreign =
+            ["mkv", "avi", "webm", "comma2k19", "lerobot_3"].iter().any(|ending| name.ends_with(ending));
         if foreign && !has_ffmpeg {
             println!("skipped: {name}: no ffmpeg on the PATH");
             continue;
         }
         let opened = match expected["reader"].as_str().unwrap() {
+            "comma2k19" => open::<Comma2k19>(&path, parameters),
+            "lerobot" => open::<LeRobot>(&path, parameters),
             "csv" => open::<Csv>(&path, parameters),
             "mcap" => open::<Mcap>(&path, parameters),
             "rosbag2" => open::<Rosbag2>(&path, parameters),
@@ -99,7 +102,8 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
 #[test]
 fn recordings_that_other_programs_wrote_are_read() {
     let written = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/written");
-    assert_eq!(check(&written, runs("ffmpeg", &["-version"])), 11);
+    let has_ffmpeg = runs("ffmpeg", &["-version"]);
+    assert_eq!(check(&written, has_ffmpeg), 13 + usize::from(has_ffmpeg));
 }
 
 #[test]

@@ -20,7 +20,7 @@ const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,
                        yuv4mpegpipe,tiff_pipe,jpegxl_pipe";
 
 /// More frames than this are not listed; see `timing`.
-const MOST: usize = 1 << 22;
+pub const MOST: usize = 1 << 22;
 
 /// Frames without alpha have colours at half their size, as clips before a screen have mostly; those with alpha keep all.
 const FORMATS_OF_FRAMES: &str = "format=yuv420p|yuva444p";

@@ -7,7 +7,7 @@ use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
-use crate::ffmpeg::{Ffmpeg, times};
+use crate::ffmpeg::{Ffmpeg, MOST, times};
 use crate::reader::{Container, Opened, Reader, container};
 
 /// The frames of a video in the order in which they are shown, each with its time.
@@ -52,6 +52,22 @@ impl Video {
         };
         let times = times(Path::new("ffmpeg"), path, &codec)?;
         let path = path.to_owned();
+        Ok(Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 }))))
+    }
+
+    /// A video whose frames have their times in another file, such as a stream of H.265 without a container, which `codec` names.
+    /// `times` has the beginning of each frame in seconds after the first one, and behind them the end of the last one. ffmpeg decodes it.
+    ///
+    /// # Errors
+    /// If there are no frames, or too many.
+    pub fn with_times(path: &Path, codec: &str, times: Vec<f64>) -> Result<Self> {
+        if !(2..=MOST).contains(&times.len()) {
+            return Err(Error::new(format!(
+                "its times are those of {} frames",
+                times.len().saturating_sub(1)
+            )));
+        }
+        let (path, codec) = (path.to_owned(), codec.to_owned());
         Ok(Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 }))))
     }
 

@@ -389,9 +389,40 @@ fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
     // Without a mirror it stays as it is, byte for byte.
     corrupt(folder.path(), dataset, &["--with", "fog_filter@1"], "fogged").succeed();
     assert_eq!(fs::read_to_string(folder.path().join("fogged/fog_filter/1/log.csv")).unwrap(), table);
-    // Pictures of several cameras would have to change places.
+    // Pictures of several cameras would have to change places, and nothing says which.
     pictures::road(48, 32, 9).save(data.join("left_0.png")).unwrap();
     corrupt(folder.path(), dataset, &with, "cameras").fail(1, &["several cameras", "--plain"]);
+}
+
+#[test]
+fn cameras_to_the_left_and_right_change_places_in_a_mirror() {
+    let folder = temp();
+    fs::write(folder.path().join("mirror.lua"), MIRROR).unwrap();
+    let data = folder.path().join("log");
+    fs::create_dir_all(data.join("IMG")).unwrap();
+    let row = |number: usize, [left, right]: [&str; 2], steering: &str| {
+        format!(
+            "/sim/IMG/center_{number}.png, /sim/IMG/{left}_{number}.png, /sim/IMG/{right}_{number}.png, {steering}, 0.5, 0, 9\n"
+        )
+    };
+    let steering = ["-0.25", "0", "0.5"];
+    let table = |sides: [&str; 2], steering: [&str; 3]| -> String {
+        steering.iter().enumerate().map(|(number, steering)| row(number, sides, steering)).collect()
+    };
+    fs::write(data.join("driving_log.csv"), table(["left", "right"], steering)).unwrap();
+    for number in 0..3 {
+        for (place, camera) in ["center", "left", "right"].iter().enumerate() {
+            let name = data.join(format!("IMG/{camera}_{number}.png"));
+            pictures::road(48, 32, 10 * number + place as u32).save(name).unwrap();
+        }
+    }
+    corrupt(folder.path(), "log", &["--with", "mirror@1", "--plugins", "mirror.lua"], "out").succeed();
+    let made = folder.path().join("out/mirror/1");
+    let turned = fs::read_to_string(made.join("driving_log.csv")).unwrap();
+    assert_eq!(turned, table(["right", "left"], ["0.25", "0", "-0.5"]));
+    // What the right column names now is the mirrored picture of the left camera.
+    let open = |folder: &Path| image::open(folder.join("IMG/left_1.png")).unwrap().into_rgb8();
+    assert_eq!(open(&made), image::imageops::flip_horizontal(&open(&data)));
 }
 
 #[test]

@@ -143,15 +143,17 @@ fn mirrored_steering(
     })
 }
 
-/// Whether the steering in a table can be turned: it is found, and no row has pictures of several cameras, which would change places.
+/// Whether the steering in a table can be turned: it is found, and so are the sides of the cameras if there are several, which change places.
 fn turnable(registry: &Registry, source: &Source, table: &str) -> Result<()> {
     let Some(reader) = &source.reader else { return Ok(()) };
-    let pictures = source.contents.of_role(Role::Picture).count();
-    if pictures > source.frames.len() {
-        return Err(Error::new("it has pictures of several cameras, which would change places"));
-    }
     let mut dataset = registry.dataset(&reader.name, &reader.parameters)?.0;
     let steering = steerings(dataset.as_mut());
     let path = source.root.as_deref().unwrap_or(Path::new("")).join(table);
-    table::check(&file::read_text(&path, LARGEST_LABELS)?, &steering)
+    let has_sides = table::check(&file::read_text(&path, LARGEST_LABELS)?, &steering)?;
+    match source.contents.of_role(Role::Picture).count() > source.frames.len() && !has_sides {
+        true => Err(Error::new(
+            "it has pictures of several cameras, and no columns `left` and `right` say which of them would change places",
+        )),
+        false => Ok(()),
+    }
 }

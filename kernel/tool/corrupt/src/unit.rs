@@ -420,10 +420,21 @@ impl<'a> Worker<'a> {
         let steering = steerings(dataset);
         let by_frame: BTreeMap<usize, &String> =
             job.frames.iter().map(|(name, frame)| (*frame, name)).collect();
-        table::moved(text, &steering, &mut |frame| {
+        table::moved(text, &steering, &mut |frame, sides| {
             let picture = by_frame.get(&frame).ok_or_else(|| Error::new("a frame has no picture"))?;
             let situation = self.situation(picture)?;
-            self.mirrored(condition, &situation)
+            let mirrored = self.mirrored(condition, &situation)?;
+            for side in sides {
+                let file = side.rsplit(['/', '\\']).next().unwrap_or_default();
+                let Some(side) = job.contents.picture_named(file, "") else { continue };
+                let situation = self.situation(side)?;
+                if self.mirrored(condition, &situation)? != mirrored {
+                    return Err(Error::new(format!(
+                        "only one of `{picture}` and `{side}`, which belong together, is mirrored; use a perturbation that mirrors all frames"
+                    )));
+                }
+            }
+            Ok(mirrored)
         })
     }
 

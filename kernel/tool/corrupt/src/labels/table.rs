@@ -1,5 +1,6 @@
 //! Tables with steering: a row for each frame, in the order of the frames. The column with the steering is the one whose numbers are
-//! those of the frames, up to a factor. Nothing but its signs is changed, so that the rest of the file stays as it was.
+//! those of the frames, up to a factor. Its signs are changed, and the pictures of the left and the right camera change places, if there are
+//! such columns. Nothing else is changed, so that the rest of the file stays as it was.
 
 use std::ops::Range;
 
@@ -14,54 +15,76 @@ struct Row {
     cells: Vec<Range<usize>>,
 }
 
+/// The columns with the pictures of the cameras to the left and to the right.
+type Sides = [usize; 2];
+
 /// The table in which the steering of mirrored frames has the other sign. `steering` is that of each frame, not a number if a frame has
-/// none. `mirrored` is asked for the frames that are steered.
+/// none. `mirrored` is asked for the frames that are steered, and for all if there are several cameras; it also gets what names the pictures
+/// to the left and to the right.
 ///
 /// # Errors
 /// If the rows are not those of the frames, or no column has the steering.
 pub fn moved(
     text: &str,
     steering: &[f64],
-    mirrored: &mut dyn FnMut(usize) -> Result<bool>,
+    mirrored: &mut dyn FnMut(usize, &[&str]) -> Result<bool>,
 ) -> Result<String> {
-    let (rows, column) = steered(text, steering)?;
+    let Steered { rows, column, sides } = steered(text, steering)?;
     let mut out = String::with_capacity(text.len() + rows.len());
     let mut written = 0;
     for (index, row) in rows.iter().enumerate() {
         let is_steered = steering[index].is_finite() && steering[index] != 0.0;
-        if !is_steered || !mirrored(index)? {
+        let cells: Option<[Range<usize>; 2]> = sides.map(|sides| sides.map(|side| row.cells[side].clone()));
+        let pictures: Vec<&str> = cells.iter().flatten().map(|cell| &text[cell.clone()]).collect();
+        if !(is_steered || sides.is_some()) || !mirrored(index, &pictures)? {
             continue;
         }
-        let cell = &row.cells[column];
-        out += &text[written..cell.start];
-        match text[cell.clone()].strip_prefix('-') {
-            Some(positive) => out += positive,
-            None => {
-                out.push('-');
-                out += text[cell.clone()].trim_start_matches('+');
-            }
+        let mut changes: Vec<(Range<usize>, String)> = Vec::new();
+        if is_steered {
+            let cell = row.cells[column].clone();
+            let turned = match text[cell.clone()].strip_prefix('-') {
+                Some(positive) => positive.to_owned(),
+                None => format!("-{}", text[cell.clone()].trim_start_matches('+')),
+            };
+            changes.push((cell, turned));
         }
-        written = cell.end;
+        if let Some([left, right]) = cells {
+            let (left_text, right_text) = (text[left.clone()].to_owned(), text[right.clone()].to_owned());
+            changes.extend([(left, right_text), (right, left_text)]);
+        }
+        changes.sort_by_key(|(cell, _)| cell.start);
+        for (cell, changed) in changes {
+            out += &text[written..cell.start];
+            out += &changed;
+            written = cell.end;
+        }
     }
     out += &text[written..];
     Ok(out)
 }
 
-/// Whether the steering of frames stands in a table, so that it can be moved.
+/// Whether the steering of frames stands in a table, so that it can be moved. Returns whether it has pictures of cameras to the left and
+/// to the right, too.
 ///
 /// # Errors
 /// As [`moved`].
-pub fn check(text: &str, steering: &[f64]) -> Result<()> {
-    steered(text, steering).map(drop)
+pub fn check(text: &str, steering: &[f64]) -> Result<bool> {
+    steered(text, steering).map(|steered| steered.sides.is_some())
 }
 
-/// The rows of the frames, and the column with their steering.
-fn steered(text: &str, steering: &[f64]) -> Result<(Vec<Row>, usize)> {
+/// What is changed in a table.
+struct Steered {
+    /// The rows of the frames.
+    rows: Vec<Row>,
+    /// The column with their steering.
+    column: usize,
+    sides: Option<Sides>,
+}
+
+fn steered(text: &str, steering: &[f64]) -> Result<Steered> {
     let mut rows = rows(text)?;
     // A header has a row of its own.
-    if rows.len() == steering.len() + 1 {
-        rows.remove(0);
-    }
+    let header = (rows.len() == steering.len() + 1).then(|| rows.remove(0));
     if rows.len() != steering.len() {
         return Err(Error::new(format!(
             "it has {} rows, and the recording {} frames",
@@ -84,9 +107,29 @@ fn steered(text: &str, steering: &[f64]) -> Result<(Vec<Row>, usize)> {
     };
     let columns = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
     match (0..columns).find(holds) {
-        Some(column) => Ok((rows, column)),
+        Some(column) => {
+            let sides = sides(text, header.as_ref(), &rows);
+            Ok(Steered { rows, column, sides })
+        }
         None => Err(Error::new("none of its columns has the steering of the frames")),
     }
+}
+
+/// The columns whose titles are `left` and `right`, or whose pictures all have names that begin so, as those of Udacity do.
+fn sides(text: &str, header: Option<&Row>, rows: &[Row]) -> Option<Sides> {
+    let columns = rows.iter().map(|row| row.cells.len()).min().unwrap_or(0);
+    let of = |side: &str| {
+        let begins = |cell: &Range<usize>| {
+            let name = text[cell.clone()].rsplit(['/', '\\']).next().unwrap_or_default();
+            name.to_ascii_lowercase().starts_with(side)
+        };
+        (0..columns).find(|column| {
+            let title = header.and_then(|header| header.cells.get(*column));
+            title.is_some_and(|title| text[title.clone()].eq_ignore_ascii_case(side))
+                || rows.iter().all(|row| begins(&row.cells[*column]))
+        })
+    };
+    Some([of("left")?, of("right")?])
 }
 
 /// The rows of a table: lines that are neither empty nor comments. The separator is the one that the first line has most of.
@@ -148,21 +191,44 @@ mod tests {
     fn the_signs_of_the_steering_change_and_nothing_else() {
         let text = "\u{feff}image, time,\"angle\" ,gas\r\n# a comment\r\n\"a,b.png\", 1, 12.50 ,0.5\r\nc.png,2,-0.0,1\r\nd.png,3,\"-6.25\",0\r\n";
         let steering = [0.5, 0.0, -0.25];
-        let mirrored = moved(text, &steering, &mut |_| Ok(true)).unwrap();
+        let mirrored = moved(text, &steering, &mut |_, _| Ok(true)).unwrap();
         assert_eq!(
             mirrored,
             "\u{feff}image, time,\"angle\" ,gas\r\n# a comment\r\n\"a,b.png\", 1, -12.50 ,0.5\r\nc.png,2,-0.0,1\r\nd.png,3,\"6.25\",0\r\n"
         );
-        let one = moved(text, &steering, &mut |index| Ok(index == 2)).unwrap();
+        let one = moved(text, &steering, &mut |index, _| Ok(index == 2)).unwrap();
         assert_eq!(one, text.replace("-6.25", "6.25"));
-        assert_eq!(moved(&mirrored, &steering.map(|steering| -steering), &mut |_| Ok(true)).unwrap(), text);
+        assert_eq!(
+            moved(&mirrored, &steering.map(|steering| -steering), &mut |_, _| Ok(true)).unwrap(),
+            text
+        );
     }
 
     #[test]
     fn tables_without_a_header_and_without_some_labels_are_read() {
         let text = "a.png;0.5;1\nb.png;;2\nc.png;-0.5;3";
-        let found = moved(text, &[-0.25, f64::NAN, 0.25], &mut |_| Ok(true)).unwrap();
+        let found = moved(text, &[-0.25, f64::NAN, 0.25], &mut |_, _| Ok(true)).unwrap();
         assert_eq!(found, "a.png;-0.5;1\nb.png;;2\nc.png;0.5;3");
+    }
+
+    #[test]
+    fn pictures_to_the_left_and_to_the_right_change_places() {
+        let own = "C:\\IMG\\center_1.jpg, C:\\IMG\\left_1.jpg, C:\\IMG\\right_1.jpg, -0.5, 1\n\
+                   IMG/center_2.jpg,IMG/left_2.jpg,IMG/right_2.jpg,0,1\n";
+        let mut asked = Vec::new();
+        let mirrored = moved(own, &[-0.5, 0.0], &mut |index, sides| {
+            asked.push((index, sides.join(" ")));
+            Ok(true)
+        });
+        assert_eq!(
+            mirrored.unwrap(),
+            "C:\\IMG\\center_1.jpg, C:\\IMG\\right_1.jpg, C:\\IMG\\left_1.jpg, 0.5, 1\n\
+             IMG/center_2.jpg,IMG/right_2.jpg,IMG/left_2.jpg,0,1\n"
+        );
+        assert_eq!(asked[1], (1, "IMG/left_2.jpg IMG/right_2.jpg".to_owned()));
+        let titled = "right,angle,Left\na,0.5,b\n";
+        assert_eq!(moved(titled, &[0.5], &mut |_, _| Ok(true)).unwrap(), "right,angle,Left\nb,-0.5,a\n");
+        assert!(check(titled, &[0.5]).unwrap() && !check("c,angle\na,0.5\n", &[0.5]).unwrap());
     }
 
     #[test]
@@ -172,7 +238,7 @@ mod tests {
             ("a.png,0.5", "it has 1 rows, and the recording 2 frames"),
             ("a.png,0.5,\"x\nb.png\",0.5", "goes on in the next line"),
         ] {
-            let error = moved(text, &[0.5, 0.25], &mut |_| Ok(true)).unwrap_err();
+            let error = moved(text, &[0.5, 0.25], &mut |_, _| Ok(true)).unwrap_err();
             assert!(error.message().contains(part), "{error}");
         }
     }

@@ -9,5 +9,6 @@ mod setup;
 mod tasks;
 mod times;
 mod traces;
+mod under_way;
 
 pub use read::{Read, read, read_all, scenarios};

@@ -1,6 +1,6 @@
 //! Offline results as a page shows them: sums over the lines, so that a run that has not ended has them too.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 
 use pdk_model::component::ENGINE;
@@ -11,8 +11,10 @@ use pdk_sdk::file;
 use pdk_sdk::prelude::Control;
 use pdk_statistics::{CONFIDENCE, Estimate, blocks};
 use serde::Deserialize;
+use serde_json::Value;
 
-use crate::view::{Evaluation, EvaluationCell, WorstFrame};
+use super::under_way::UnderWay;
+use crate::view::{Evaluation, EvaluationCell, Task, WorstFrame};
 
 /// Frames in the table of the worst.
 const WORST: usize = 12;
@@ -25,12 +27,8 @@ enum Line {
     Result(ResultLine),
     /// A frame that could not be evaluated.
     Bad { evaluation: u64, frame: String, error: String },
-    /// A picture with a predictor, about which the summary has all.
-    Task {
-        evaluation: u64,
-        #[serde(rename = "measured")]
-        _measured: serde::de::IgnoredAny,
-    },
+    /// A picture with a predictor.
+    Task { evaluation: u64, label: Option<String>, level: Option<f64>, measured: Value },
 }
 
 #[derive(Deserialize)]
@@ -78,15 +76,22 @@ struct Cell {
     drifts: Vec<f64>,
 }
 
-/// The evaluations of a run, in order, with what the manifest tells of each; none if there are none. A last line that was cut off is left out.
+/// The evaluations of drivers in a run, in order, with what the manifest tells of each, and those of predictors about which the summary does not
+/// have all, as those in `known` have. A last line that was cut off is left out.
 ///
 /// # Errors
 /// If the results cannot be read, or a line is damaged.
-pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<Evaluation>> {
+pub fn read(
+    directory: &RunDirectory,
+    told: &[EvaluationRecord],
+    known: &[u64],
+) -> Result<(Vec<Evaluation>, Vec<Task>)> {
     let path = directory.path().join(RESULTS);
-    let Some((file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(Vec::new()) };
+    let Some((file, _)) = file::open_if_there(&path).place(path.display())? else {
+        return Ok(Default::default());
+    };
     let mut evaluations: BTreeMap<u64, Sums> = BTreeMap::new();
-    let mut of_tasks = BTreeSet::new();
+    let mut of_tasks: BTreeMap<u64, UnderWay> = BTreeMap::new();
     let (mut reader, mut text, mut number) = (BufReader::new(file), Vec::new(), 0);
     loop {
         text.clear();
@@ -103,12 +108,21 @@ pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<E
             Line::Bad { evaluation, frame, error } => {
                 evaluations.entry(evaluation).or_default().bad_frames.push((frame, error));
             }
-            Line::Task { evaluation, .. } => _ = of_tasks.insert(evaluation),
+            Line::Task { evaluation, label, level, measured } => {
+                let task = of_tasks.entry(evaluation).or_default();
+                if !known.contains(&evaluation) {
+                    task.add(label.zip(level), &measured);
+                }
+            }
         }
     }
     // One with a predictor may have pictures that were left out.
-    evaluations.retain(|number, _| !of_tasks.contains(number));
-    Ok(evaluations.into_iter().map(|(number, sums)| sums.finish(number, told)).collect())
+    let tasks = of_tasks.into_iter().filter_map(|(number, task)| {
+        let bad = evaluations.remove(&number).map(|sums| sums.bad_frames).unwrap_or_default();
+        (!known.contains(&number)).then(|| task.finish(number, bad))
+    });
+    let tasks = tasks.collect();
+    Ok((evaluations.into_iter().map(|(number, sums)| sums.finish(number, told)).collect(), tasks))
 }
 
 impl Sums {

@@ -43,9 +43,11 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         true => ledger::read(&directory)?,
         false => (Vec::new(), false),
     };
-    let evaluations = offline::read(&directory, &manifest.evaluations)?;
-    let tasks =
+    let mut tasks =
         json::<Value>(&directory, SUMMARY)?.as_ref().map(tasks::read).transpose()?.unwrap_or_default();
+    let known: Vec<u64> = tasks.iter().map(|task| task.number).collect();
+    let (evaluations, under_way) = offline::read(&directory, &manifest.evaluations, &known)?;
+    tasks.extend(under_way);
     let searches = search::read(&directory, folder, &lines)?;
     if lines.is_empty() && evaluations.is_empty() && tasks.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(
