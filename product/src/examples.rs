@@ -135,6 +135,20 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "tap",
+        &[
+            ("pdk tap state", "the states of the vehicle in a run under way, a line each"),
+            ("pdk tap raw --save frame.png", "keep the newest frame of the camera in a picture"),
+        ],
+    ),
+    (
+        "watch",
+        &[
+            ("pdk watch --open", "the run under way that started last, in the browser"),
+            ("pdk watch runs/quickstart-1 --port 8080", "a run at a port of your choice"),
+        ],
+    ),
+    (
         "report",
         &[
             ("pdk report runs/quickstart-1 --open", "write the page about a run and show it in the browser"),
