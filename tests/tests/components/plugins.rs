@@ -529,9 +529,12 @@ fn the_built_in_plugins_keep_the_rules() {
                     ("pictures", format!("{examples}/signs")),
                     ("mcap", format!("{written}/foxglove.mcap")),
                     ("rosbag2", format!("{written}/bag")),
+                    ("lerobot", format!("{written}/lerobot_2")),
+                    ("comma2k19", format!("{written}/comma2k19")),
                 ] {
                     check = check.set(&format!("{reader}.path"), repository().join(path).display());
                 }
+                check = check.set("comma2k19.full_lock", -400);
             }
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");

@@ -284,3 +284,37 @@ fn a_real_recording_with_a_real_model() {
     let drift = |row: usize| rows[row]["steering_drift"].as_f64().unwrap();
     assert!(drift(1) > drift(0), "more noise, more drift: {rows:?}");
 }
+
+#[test]
+fn a_trace_is_a_recording_of_what_the_driver_did() {
+    let folder = temp();
+    let drive = folder.path().join("drive.lua");
+    let scenario = r#"{ simulator = "lane", driver = "lane_keeper", images_every = 1, scenarios = { { duration = 2 } } }"#;
+    fs::write(&drive, format!("pdk.drive({scenario})")).unwrap();
+    let record = folder.path().join("record");
+    Pdk::new(["run", "--out"]).arg(&record).arg(&drive).succeed();
+    let trace = fs::read_dir(record.join("traces")).unwrap().next().unwrap().unwrap().path();
+    let offline = folder.path().join("offline.lua");
+    let evaluation = format!(
+        r#"pdk.show(pdk.evaluate({{ dataset = "{}", driver = "lane_keeper", perturbations = {{ "gaussian_noise" }}, levels = {{ 4 }} }}))"#,
+        trace.display()
+    );
+    fs::write(&offline, evaluation).unwrap();
+    let out = folder.path().join("offline");
+    let ran = Pdk::new(["run", "--out"]).arg(&out).arg(&offline).succeed();
+    assert!(
+        ran.stdout.contains("41 of topic /raw") || ran.stderr.contains("41 of topic /raw"),
+        "{}",
+        ran.stdout
+    );
+    let lines = json_lines(&out.join("results.jsonl"));
+    assert_eq!(lines.len(), 41);
+    let number = |line: &Value, of: &str, what: &str| line[of][what].as_f64().unwrap();
+    for line in &lines {
+        // The pictures of a trace are JPEG, so the driver decides nearly as it did.
+        let error = number(line, "truth", "steering") - number(line, "original", "steering");
+        assert!(error.abs() < 0.02, "{line}");
+        assert!((0.0..=1.0).contains(&number(line, "truth", "throttle")), "{line}");
+    }
+    assert!(lines.iter().any(|line| number(line, "truth", "steering").abs() > 0.01));
+}
