@@ -185,7 +185,7 @@ impl Comma2k19 {
     }
 }
 
-/// The recorded steering that is full steering to the right, and what is told of it.
+/// The recorded steering that is full steering to the right, and what the reader reports about it.
 fn full_lock(given: f64, recorded: &[f64]) -> Result<(f64, String)> {
     if recorded.is_empty() {
         return Ok((1.0, "not recorded".to_owned()));

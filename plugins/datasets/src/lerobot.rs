@@ -279,7 +279,7 @@ fn tables(root: &Path, inside: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// What is told of the recording.
+/// What the reader reports about the recording.
 fn told(
     raw: &[(u64, u64, f64, [f64; 4])],
     chosen: &[Option<Element>; 4],
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_such_a_folder_and_what_is_damaged_are_told_apart() {
+    fn another_folder_and_a_damaged_one_are_different_errors() {
         let dir = tempfile::tempdir().unwrap();
         let open = || LeRobot::new(&config::<LeRobot>(json!({"path": dir.path()}))).err().unwrap();
         assert_eq!(open().kind(), ErrorKind::Unsuitable);

@@ -516,6 +516,7 @@ fn the_built_in_plugins_keep_the_rules() {
     datasets::tub(&folder.path().join("tub"), 3, 32, 24);
     onnx::pilot(&folder.path().join("pilot.onnx"), 3, 24, 32);
     onnx::mirror(&folder.path().join("mirror.onnx"), 24, 32);
+    let has_ffmpeg = std::process::Command::new("ffmpeg").arg("-version").output().is_ok();
     for library in built_in_libraries() {
         let name = library.file_stem().unwrap().to_str().unwrap().to_owned();
         let mut check = Pdk::new(["check"]).arg(&library).folder(folder.path());
@@ -551,6 +552,14 @@ fn the_built_in_plugins_keep_the_rules() {
             _ => {}
         }
         let checked = check.run();
+        if name == "libpdk_datasets" && !has_ffmpeg {
+            // The only reader that fails without it is the one whose videos it decodes.
+            let mut failed = checked.stdout.lines().filter(|line| line.starts_with("FAIL "));
+            let of_comma2k19 = |line: &str| line.contains("`comma2k19`") && line.contains("ffmpeg");
+            assert!(failed.all(of_comma2k19), "{name}:\n{}{}", checked.stdout, checked.stderr);
+            println!("skipped: the check of `comma2k19`: no ffmpeg on the PATH");
+            continue;
+        }
         assert_eq!(checked.code, Some(0), "{name}:\n{}{}", checked.stdout, checked.stderr);
     }
     let misspelt = Pdk::new(["check"]).arg(library("pdk_datasets")).set("tup.path", "tub").run();

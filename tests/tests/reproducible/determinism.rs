@@ -67,6 +67,10 @@ fn no_plugin_computes_with_the_mathematical_library_of_the_system() {
             // OpenH264 counts the bits of a slice's number of macroblocks by the logarithm, and rounds it up.
             functions.retain(|function| function != "log");
         }
+        if name == "libpdk_datasets.so" {
+            // The crate parquet compares the precision of decimals of a schema with a logarithm that it rounds down; no value depends on it.
+            functions.retain(|function| function != "log10");
+        }
         assert_eq!(functions, [""; 0], "{name} takes them from the system; the crate libm has them too");
         seen.push(name);
     }
