@@ -33,9 +33,9 @@ fuzz_target!(|data: &[u8]| {
     }
     let _ = (moving::fits(text), lines::fits(text));
     let steering = [0.5, -0.25];
-    if let Ok(turned) = table::moved(text, &steering, &mut |_| Ok(true)) {
-        let back = table::moved(&turned, &steering.map(|steering| -steering), &mut |_| Ok(true));
-        let again = back.and_then(|back| table::moved(&back, &steering, &mut |_| Ok(true)));
+    if let Ok(turned) = table::moved(text, &steering, &mut |_, _| Ok(true)) {
+        let back = table::moved(&turned, &steering.map(|steering| -steering), &mut |_, _| Ok(true));
+        let again = back.and_then(|back| table::moved(&back, &steering, &mut |_, _| Ok(true)));
         assert_eq!(again.expect("what was written is read"), turned);
     }
     let _ = records::moved("a.catalog", text, &mut |_| Ok(true));
