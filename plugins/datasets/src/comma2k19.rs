@@ -18,7 +18,7 @@ use pdk_truth::npy;
 use pdk_video::Video;
 
 use crate::inside::Inside;
-use crate::label::Label;
+use crate::label::{Label, range};
 use crate::listing::names;
 use crate::place::{Named, beyond, unsuitable};
 use crate::reel::Reel;
@@ -178,10 +178,10 @@ impl Comma2k19 {
         })
     }
 
-    /// The segment of a frame, and the number of the frame in it.
-    fn place(&self, index: usize) -> Option<(&Segment, usize)> {
+    /// The number of the segment of a frame, and that of the frame in it.
+    fn place(&self, index: usize) -> Option<(usize, usize)> {
         let number = self.starts.partition_point(|start| *start <= index).checked_sub(1)?;
-        Some((self.segments.get(number)?, index - self.starts[number]))
+        (number < self.segments.len()).then(|| (number, index - self.starts[number]))
     }
 }
 
@@ -190,9 +190,7 @@ fn full_lock(given: f64, recorded: &[f64]) -> Result<(f64, String)> {
     if recorded.is_empty() {
         return Ok((1.0, "not recorded".to_owned()));
     }
-    let (low, high) = recorded
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(*angle), high.max(*angle)));
+    let (low, high) = range(recorded.iter().copied());
     let range = format!("{low} to {high} {UNIT}");
     if given == 0.0 {
         return Err(Error::new(format!(
@@ -250,8 +248,8 @@ impl Dataset for Comma2k19 {
     }
 
     fn name(&self, index: usize) -> String {
-        let name = |(segment, frame): (&Segment, usize)| {
-            format!("{} frame {frame}", segment.name.join(VIDEO).display())
+        let name = |(segment, frame): (usize, usize)| {
+            format!("{} frame {frame}", self.segments[segment].name.join(VIDEO).display())
         };
         self.place(index).map(name).unwrap_or_default()
     }
@@ -259,9 +257,9 @@ impl Dataset for Comma2k19 {
     fn read(&mut self, index: usize) -> Result<Entry> {
         let label = self.labels.get(index).cloned().ok_or_else(|| beyond(index, self.labels.len()))??;
         let (segment, frame) = self.place(index).ok_or_else(|| beyond(index, self.labels.len()))?;
+        let segment = &self.segments[segment];
         let (path, time) = (self.folder.path(&segment.name.join(VIDEO))?, segment.times[frame]);
-        let times = ends(&segment.times);
-        let open = || Video::with_times(&path, "a stream of H.265", times);
+        let open = || Video::with_times(&path, "a stream of H.265", ends(&segment.times));
         let picture = self.reel.read(&path, open, |_| Ok(frame as u32))?;
         Ok(Entry {
             frame: picture,
@@ -275,6 +273,7 @@ impl Dataset for Comma2k19 {
     fn position(&self, index: usize) -> Position {
         match self.place(index) {
             Some((segment, frame)) => {
+                let segment = &self.segments[segment];
                 Position { part: segment.route, number: index as u64, time: segment.times[frame] }
             }
             None => Position { part: 0, number: index as u64, time: f64::NAN },

@@ -18,6 +18,12 @@ impl Label {
     pub const NONE: Self = Self { steering: f64::NAN, throttle: f64::NAN, speed: f64::NAN };
 }
 
+/// The smallest and the largest of the numbers; what is not a number does not count. Without any, the smallest is larger than the largest.
+pub fn range(numbers: impl Iterator<Item = f64>) -> (f64, f64) {
+    numbers
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), number| (low.min(number), high.max(number)))
+}
+
 /// How recorded numbers become those of pdk.
 #[derive(Debug, Clone, Copy)]
 pub struct Units {

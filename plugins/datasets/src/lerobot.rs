@@ -12,7 +12,7 @@ use pdk_video::Video;
 
 use crate::elements::{Element, choose, elements};
 use crate::inside::Inside;
-use crate::label::{Label, Units, pedals};
+use crate::label::{Label, Units, pedals, range};
 use crate::listing::{ends_in, names};
 use crate::parquet::columns;
 use crate::place::{Named, beyond, unsuitable};
@@ -288,9 +288,7 @@ fn told(
     episodes: usize,
 ) -> Result<Vec<(String, String)>> {
     let mut told = vec![("frames".to_owned(), format!("{} in {episodes} episodes, of {camera}", raw.len()))];
-    let steerings = raw.iter().map(|(.., values)| values[0]).filter(|value| !value.is_nan());
-    let (low, high) = steerings
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) = range(raw.iter().map(|(.., values)| values[0]));
     for ((what, _), element) in WORDS.iter().zip(chosen) {
         let how = match (element, *what) {
             (None, "brake") => continue,

@@ -6,7 +6,7 @@ use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
 use crate::inside::Inside;
-use crate::label::{Label, Units, pedals};
+use crate::label::{Label, Units, pedals, range};
 
 /// More rows than this are not believed.
 const MOST: usize = 1 << 22;
@@ -305,11 +305,7 @@ impl Table {
     /// The smallest and the largest number of a column; what is not a number does not count.
     fn range(&self, column: usize) -> (f64, f64) {
         let numbers = (0..self.len()).filter_map(|row| self.cell(row, column).parse::<f64>().ok());
-        numbers
-            .filter(|number| number.is_finite())
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), number| {
-                (low.min(number), high.max(number))
-            })
+        range(numbers.filter(|number| number.is_finite()))
     }
 
     /// A number; not a number if the cell is empty.

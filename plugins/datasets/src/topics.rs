@@ -6,7 +6,7 @@ use pdk_sdk::prelude::*;
 use pdk_video::{Stream, Yuv420};
 
 use crate::bag::{Bag, Place};
-use crate::label::{Label, Units, pedals};
+use crate::label::{Label, Units, pedals, range};
 use crate::message::{Numbers, Picture, Reading, decode_next};
 use crate::place::{beyond, unsuitable};
 use crate::video::nearest;
@@ -317,10 +317,7 @@ fn labels(
     };
     let how = match (&steering, steerings.is_empty()) {
         (Some(topic), false) => {
-            let (low, high) =
-                steerings.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, value)| {
-                    (low.min(*value), high.max(*value))
-                });
+            let (low, high) = range(steerings.iter().map(|(_, value)| *value));
             let field = numbers[topic].kind.steering();
             format!(", {field}, {}, at most {tolerance} s away", units.describe_steering(low, high)?)
         }

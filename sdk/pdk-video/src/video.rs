@@ -51,8 +51,7 @@ impl Video {
             None => return Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
         };
         let times = times(Path::new("ffmpeg"), path, &codec)?;
-        let path = path.to_owned();
-        Ok(Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 }))))
+        Ok(Self::by_ffmpeg(path, codec, times))
     }
 
     /// A video whose frames have their times in another file, such as a stream of H.265 without a container, which `codec` names.
@@ -67,8 +66,12 @@ impl Video {
                 times.len().saturating_sub(1)
             )));
         }
-        let (path, codec) = (path.to_owned(), codec.to_owned());
-        Ok(Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 }))))
+        Ok(Self::by_ffmpeg(path, codec.to_owned(), times))
+    }
+
+    fn by_ffmpeg(path: &Path, codec: String, times: Vec<f64>) -> Self {
+        let path = path.to_owned();
+        Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 })))
     }
 
     /// Reads the next frame; false at the end.

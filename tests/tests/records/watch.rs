@@ -1,5 +1,6 @@
 //! A run in the browser: `pdk watch` over plain TCP, while the run goes on and afterwards; and `pdk tap`.
 
+use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
@@ -109,7 +110,16 @@ fn a_run_is_watched_while_it_goes_on_and_afterwards() {
         assert_eq!(code, 200, "{path}");
         assert!(String::from_utf8(content).unwrap().starts_with(beginning), "{path}");
     }
-    let tapped = Pdk::new(["tap", "state", "--count", "3", "--json"]).succeed().stdout;
+    // Other tests have runs under way, too.
+    let listed: Value =
+        serde_json::from_str(&Pdk::new(["tap", "--list", "--json"]).succeed().stdout).unwrap();
+    let drives_for = |slot: &&Value| {
+        let announced = fs::read_to_string(Path::new(slot["root"].as_str().unwrap()).join("scenario"));
+        announced.is_ok_and(|text| text.contains(record.to_str().unwrap()))
+    };
+    let own = listed.as_array().unwrap().iter().find(drives_for).expect("the run is listed");
+    let id = own["run"].as_str().unwrap();
+    let tapped = Pdk::new(["tap", "state", "--run", id, "--count", "3", "--json"]).succeed().stdout;
     assert_eq!(tapped.lines().count(), 3, "{tapped}");
 
     // A browser that does not read holds nothing up.

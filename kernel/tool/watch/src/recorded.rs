@@ -26,6 +26,8 @@ const LARGEST_NOTE: u64 = 4096;
 /// The record that is watched.
 pub struct Recorded {
     folder: PathBuf,
+    /// What the run is called.
+    pub title: String,
     /// The lines as they were read last, and the length and time of their file then.
     lines: Vec<Line>,
     read: Option<(u64, SystemTime)>,
@@ -37,8 +39,11 @@ impl Recorded {
     /// # Errors
     /// If it holds none.
     pub fn open(folder: &Path) -> Result<Self> {
-        RunDirectory::open(folder)?;
-        Ok(Self { folder: folder.to_owned(), lines: Vec::new(), read: None })
+        let manifest = RunDirectory::open(folder)?.manifest()?;
+        let manifest =
+            manifest.ok_or_else(|| Error::new(format!("{} lost its {MANIFEST}", folder.display())))?;
+        let title = manifest.pipeline.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { folder: folder.to_owned(), title, lines: Vec::new(), read: None })
     }
 
     /// The folder, as the user named it.
@@ -157,17 +162,6 @@ impl Recorded {
     pub fn report(&self) -> Result<String> {
         let page = self.folder.join(pdk_record::directory::REPORT);
         pdk_report::render(&pdk_report::record::read(&self.folder, &page)?.run)
-    }
-
-    /// What the run is called.
-    ///
-    /// # Errors
-    /// If the manifest cannot be read.
-    pub fn title(&self) -> Result<String> {
-        let manifest = RunDirectory::open(&self.folder)?.manifest()?;
-        let manifest =
-            manifest.ok_or_else(|| Error::new(format!("{} lost its {MANIFEST}", self.folder.display())))?;
-        Ok(manifest.pipeline.path.file_stem().unwrap_or_default().to_string_lossy().into_owned())
     }
 
     fn line(&mut self, number: u64) -> Result<Option<Line>> {

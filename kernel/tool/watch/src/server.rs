@@ -148,7 +148,7 @@ fn content(watched: &Watched, path: &str, query: &str) -> Result<Option<Content>
             let mut recorded = recorded();
             let progress = recorded.progress();
             let status = json!({
-                "title": recorded.title()?, "record": recorded.folder(), "under_way": driven.0 || progress.is_some(),
+                "title": recorded.title, "record": recorded.folder(), "under_way": driven.0 || progress.is_some(),
                 "progress": progress, "live": driven.1, "scenarios": recorded.rows()?,
             });
             Some(json(status))

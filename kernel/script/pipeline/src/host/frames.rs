@@ -11,7 +11,7 @@ use serde_json::json;
 
 use crate::follow::{Audience, Progress};
 
-/// How often the record is noted how far the run is.
+/// How often the record says how far the run is.
 const OFTEN: Duration = Duration::from_secs(1);
 
 /// The bar for frames on the road.
