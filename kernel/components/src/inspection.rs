@@ -4,8 +4,7 @@
 //! system makes what it can. A library that comes through this is opened again, every other one is refused by name, and nothing
 //! of it stays. So that starting pdk takes no longer than before, what came through is noted in the user's cache.
 
-use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{Read, Seek, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::MetadataExt;
@@ -30,8 +29,8 @@ pub const VERB: &str = "inspect";
 
 /// How long a library may take to be opened.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// What was found good, in the cache.
-const NOTES: &str = "inspected-plugins.json";
+/// The folder in the cache with a note for each library that was found good.
+const NOTES: &str = "inspected-plugins";
 /// Notes that are kept.
 const MOST_NOTES: usize = 1000;
 
@@ -56,14 +55,13 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
     if !ENABLED.load(Ordering::Relaxed) {
         return Ok(libraries.iter().map(|_| None).collect());
     }
-    let mut notes = Notes::read();
+    let notes = Notes::of_user();
     let mut reasons: Vec<Option<Error>> = libraries.iter().map(|_| None).collect();
     let unknown = |(number, library): (usize, &PathBuf)| {
         let mark = mark(library)?;
-        (!notes.good.contains(&mark)).then_some((number, mark))
+        (!notes.has(&mark)).then_some((number, mark))
     };
     let mut open: Vec<(usize, String)> = libraries.iter().enumerate().filter_map(unknown).collect();
-    let learnt = !open.is_empty();
     // All at once, until one of them ends the process after it was opened, such as when the process leaves: then one by one.
     let mut at_once = open.len();
     while !open.is_empty() {
@@ -83,7 +81,7 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
         for ((number, mark), Said { refused }) in open.drain(..done).zip(said) {
             match refused {
                 Some(reason) => reasons[number] = Some(Error::new(reason)),
-                None => _ = notes.good.insert(mark),
+                None => notes.add(&mark),
             }
         }
         // What is left was not come to, because the first of it ended the process.
@@ -93,15 +91,12 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
             reasons[number] = Some(reason.at(format_args!("plugin {}", libraries[number].display())));
         }
     }
-    if learnt {
-        notes.write();
-    }
     Ok(reasons)
 }
 
 /// Whether a library has been opened on this machine before by this user, and has not changed since.
 pub fn is_known(library: &Path) -> bool {
-    mark(library).is_some_and(|mark| Notes::read().good.contains(&mark))
+    mark(library).is_some_and(|mark| Notes::of_user().has(&mark))
 }
 
 /// Opens libraries in a process: what that says of those that it comes to, and how it ended where it did not come to the end.
@@ -194,34 +189,78 @@ fn mark(library: &Path) -> Option<String> {
     ))
 }
 
-/// The libraries that came through, for this version of pdk.
-#[derive(Default, Serialize, Deserialize)]
+/// The libraries that came through, a file for each: processes that start at the same time do not take each other's notes away.
+/// Without the folder everything is inspected each time.
 struct Notes {
-    version: String,
-    good: BTreeSet<String>,
+    folder: Option<PathBuf>,
 }
 
 impl Notes {
-    fn path() -> Option<PathBuf> {
-        Some(cache().ok()?.folder.join(NOTES))
+    fn of_user() -> Self {
+        Self { folder: cache().ok().map(|cache| cache.folder.join(NOTES)) }
     }
 
-    /// Without them everything is inspected.
-    fn read() -> Self {
-        let text = Self::path().and_then(|path| pdk_sdk::file::read(&path, 1 << 20).ok());
-        let notes = text.and_then(|text| serde_json::from_slice::<Self>(&text).ok());
-        let version = SDK_VERSION.to_owned();
-        let current = notes.filter(|notes| notes.version == version);
-        current.unwrap_or(Self { version, good: BTreeSet::new() })
+    /// The file of a mark, for this version of pdk.
+    fn file(&self, mark: &str) -> Option<PathBuf> {
+        let name = blake3::hash(format!("{SDK_VERSION} {mark}").as_bytes()).to_hex();
+        self.folder.as_ref().map(|folder| folder.join(name.as_str()))
     }
 
-    /// If that fails, everything is inspected again the next time.
-    fn write(&mut self) {
-        let Some(path) = Self::path() else { return };
-        while self.good.len() > MOST_NOTES {
-            self.good.pop_first();
+    fn has(&self, mark: &str) -> bool {
+        self.file(mark).is_some_and(|file| file.exists())
+    }
+
+    /// If that fails, the library is inspected again the next time.
+    fn add(&self, mark: &str) {
+        let (Some(folder), Some(file)) = (&self.folder, self.file(mark)) else { return };
+        let _ = fs::create_dir_all(folder).and_then(|()| fs::write(&file, mark));
+        let Ok(listed) = fs::read_dir(folder) else { return };
+        let others: Vec<_> =
+            listed.flatten().map(|entry| entry.path()).filter(|other| *other != file).collect();
+        let Some(surplus) = (others.len() + 1).checked_sub(MOST_NOTES).filter(|surplus| *surplus > 0) else {
+            return;
+        };
+        let dated =
+            others.into_iter().filter_map(|other| Some((other.metadata().ok()?.modified().ok()?, other)));
+        let mut dated: Vec<_> = dated.collect();
+        dated.sort();
+        for (_, oldest) in dated.iter().take(surplus) {
+            let _ = fs::remove_file(oldest);
         }
-        let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-        let _ = made.and_then(|()| pdk_sdk::file::write(&path, &serde_json::to_vec(&self)?));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn processes_that_start_at_the_same_time_keep_each_others_notes() {
+        let folder = tempfile::tempdir().unwrap();
+        let of_one = || Notes { folder: Some(folder.path().join("notes")) };
+        let (first, second) = (of_one(), of_one());
+        assert!(!first.has("a") && !second.has("b"));
+        first.add("a");
+        second.add("b");
+        for notes in [first, second, of_one()] {
+            assert!(notes.has("a") && notes.has("b") && !notes.has("c"));
+        }
+    }
+
+    #[test]
+    fn the_oldest_notes_make_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let notes = Notes { folder: Some(folder.path().to_owned()) };
+        notes.add("oldest");
+        let file = File::options().write(true).open(notes.file("oldest").unwrap()).unwrap();
+        file.set_modified(std::time::SystemTime::UNIX_EPOCH).unwrap();
+        // In any order of their names.
+        for number in 1..MOST_NOTES {
+            notes.add(&number.to_string());
+        }
+        assert!(notes.has("oldest"));
+        notes.add("newest");
+        assert!(!notes.has("oldest") && notes.has("newest"));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), MOST_NOTES);
     }
 }
