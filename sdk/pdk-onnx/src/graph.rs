@@ -76,6 +76,15 @@ impl Graph {
         Ok(graph)
     }
 
+    /// Adds an input.
+    ///
+    /// # Errors
+    /// If its name is taken.
+    pub(crate) fn add_input(&mut self, name: &str, fact: Fact) -> Result<()> {
+        self.inputs.push(ValueInfoProto::tensor(name, fact.element.0, &fact.shape));
+        self.values.define(name, Value { fact: Ok(fact), constant: None, source: Source::Input })
+    }
+
     /// Adds a node; everything that goes in has to be there.
     ///
     /// # Errors
