@@ -138,11 +138,10 @@ pub(crate) fn axis(axis: i64, rank: usize) -> Result<usize> {
         .ok_or_else(|| Error::new(format!("its axis {axis} is none of {rank}")))
 }
 
-/// The places of axes, which may be counted from the end.
+/// The places of axes in the order of the list, where they may be counted from the end.
 pub(crate) fn axes(list: &[i64], rank: usize) -> Result<Vec<usize>> {
-    let mut axes = list.iter().map(|&each| axis(each, rank)).collect::<Result<Vec<_>>>()?;
-    axes.sort_unstable();
-    match axes.windows(2).any(|pair| pair[0] == pair[1]) {
+    let axes = list.iter().map(|&each| axis(each, rank)).collect::<Result<Vec<_>>>()?;
+    match axes.iter().enumerate().any(|(place, axis)| axes[..place].contains(axis)) {
         true => Err(Error::new("one of its axes is named twice")),
         false => Ok(axes),
     }

@@ -98,22 +98,25 @@ fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![fact.clone(), moments.clone(), moments])
 }
 
-/// The values with mean 0 and variance 1 over blocks of this many.
-fn standardize(x: &Tensor, block: usize, epsilon: f64) -> Tensor {
+/// The values with mean 0 and variance 1 over blocks of this many, and mean and inverse deviation of each block before.
+fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
     let mut result = x.clone();
+    let mut moments = [Vec::new(), Vec::new()];
     for block in result.values.chunks_mut(block.max(1)) {
         let mean = block.iter().sum::<f64>() / block.len() as f64;
         let variance = block.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / block.len() as f64;
         let deviation = libm::sqrt(variance + epsilon);
         block.iter_mut().for_each(|x| *x = (*x - mean) / deviation);
+        moments[0].push(mean);
+        moments[1].push(1.0 / deviation);
     }
-    result
+    (result, moments)
 }
 
 fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let x = given(inputs, 0)?;
     let block = x.shape[first_axis(site)?..].iter().product();
-    let mut result = standardize(x, block, epsilon(site));
+    let (mut result, moments) = standardize(x, block, epsilon(site));
     let (scale, bias) = (given(inputs, 1)?, inputs.get(2).copied().flatten());
     let mut place = 0;
     for_each_position(&x.shape, |at| {
@@ -121,14 +124,16 @@ fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
         *value = *value * scale.broadcast_at(at) + bias.map_or(0.0, |bias| bias.broadcast_at(at));
         place += 1;
     });
-    Ok(vec![result])
+    let shape = infer_layer(site)?.swap_remove(1).shape;
+    let moments = moments.map(|values| Tensor { element: x.element, shape: shape.clone(), values });
+    Ok(std::iter::once(result).chain(moments).collect())
 }
 
 fn evaluate_instance(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     by_channel(site)?;
     let [x, scale, bias] = [given(inputs, 0)?, given(inputs, 1)?, given(inputs, 2)?];
     let block: usize = x.shape[2..].iter().product();
-    let mut result = standardize(x, block, epsilon(site));
+    let (mut result, _) = standardize(x, block, epsilon(site));
     for (plane, values) in result.values.chunks_mut(block.max(1)).enumerate() {
         let channel = plane % x.shape[1];
         values.iter_mut().for_each(|value| *value = *value * scale.values[channel] + bias.values[channel]);

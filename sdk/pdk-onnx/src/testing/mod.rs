@@ -3,6 +3,8 @@
 mod cases;
 #[cfg(test)]
 mod networks;
+#[cfg(test)]
+mod official;
 mod random;
 #[cfg(test)]
 mod refusals;
@@ -19,7 +21,7 @@ use crate::graph::Graph;
 use crate::tensor::Tensor;
 
 /// Versions of the operator set at which something changed.
-pub const OPSETS: [i64; 11] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21];
+pub const OPSETS: [i64; 12] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21, 22];
 
 /// Numbers that look random and are always the same, from -1 to 1.
 pub fn numbers(seed: u64, count: usize) -> Vec<f64> {
