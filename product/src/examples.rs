@@ -56,6 +56,19 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "gradient",
+        &[
+            (
+                "pdk gradient pilot.onnx -o gradient.onnx --of steering",
+                "the gradient of the steering with respect to the image",
+            ),
+            (
+                "pdk gradient pilot.onnx -o loss.onnx --of 'squared_error(steering)' --by weights",
+                "the gradient of a loss with respect to all weights, as training needs it",
+            ),
+        ],
+    ),
+    (
         "corrupt",
         &[
             (

@@ -3,6 +3,7 @@
 //! The words are added to the graph as nodes that compute a single number. A loss compares a value with a target, which becomes
 //! a further input of the graph.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use pdk_sdk::error::{Error, Result};
@@ -11,9 +12,14 @@ use crate::attributes::int;
 use crate::builder::Builder;
 use crate::gradient::{Gradients, Target, float_shape, gradients};
 use crate::graph::Graph;
+use crate::tensor::shape_text;
+use crate::values::Source;
 
 /// The name of the number in the graph, which is the first output.
 pub const OBJECTIVE: &str = "objective";
+
+/// What all weights of a graph are called.
+pub const WEIGHTS: &str = "weights";
 
 /// How a value becomes one number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +42,7 @@ const MEASURES: &[(&str, Measure, &str)] = &[
     (
         "cross_entropy",
         Measure::CrossEntropy,
-        "the cross-entropy of scores before softmax along the last axis with a target of probabilities, the mean over the other axes",
+        "the cross-entropy of scores (before softmax) with target probabilities",
     ),
 ];
 
@@ -88,13 +94,34 @@ impl Objective {
         Ok(Self { terms })
     }
 
+    /// The only number that a graph computes.
+    ///
+    /// # Errors
+    /// If it has several outputs, or its output several numbers.
+    pub fn only(graph: &Graph) -> Result<Self> {
+        match graph.outputs() {
+            [one] if graph.fact(one)?.shape.iter().product::<usize>() == 1 => Self::parse(one, graph),
+            outputs => {
+                let shown = |name: &String| match graph.fact(name) {
+                    Ok(fact) => format!("`{name}` {}", shape_text(&fact.shape)),
+                    Err(_) => format!("`{name}`"),
+                };
+                let outputs: Vec<_> = outputs.iter().map(shown).collect();
+                Err(Error::new(format!(
+                    "it computes {}, which is more than one number; name one, such as VALUE[0], or a measure of all, such as sum(VALUE)",
+                    outputs.join(", ")
+                )))
+            }
+        }
+    }
+
     /// Adds nodes that compute the number, as the value [`OBJECTIVE`], and inputs for the targets: `target`, or `target/VALUE` if
     /// there are several.
     ///
     /// # Errors
     /// If a value has no numbers, or several where one is meant.
     fn add_to(&self, graph: Graph) -> Result<Graph> {
-        let mut b = Builder::new(graph, std::collections::HashSet::new());
+        let mut b = Builder::new(graph, HashSet::new());
         let several = self.terms.iter().filter(|term| term.measure.has_target()).count() > 1;
         let mut sum: Option<String> = None;
         for Term { factor, measure, value } in &self.terms {
@@ -130,6 +157,39 @@ impl Objective {
         let graph = self.add_to(graph.clone())?;
         gradients(&graph, Target { value: OBJECTIVE, index: 0 }, of, &[OBJECTIVE])
     }
+}
+
+/// The values that gradients are taken with respect to, by what `names` say: a value, a node for its first output, or `weights` for all
+/// weights of floats on which the outputs depend. Without names, all inputs of floats.
+///
+/// # Errors
+/// If something has another name.
+pub fn values<'a>(graph: &'a Graph, names: &[String]) -> Result<Vec<&'a str>> {
+    let floats = |name: &&str| graph.fact(name).is_ok_and(|fact| fact.element.is_float());
+    if names.is_empty() {
+        return Ok(graph.inputs().filter(floats).collect());
+    }
+    let mut values: Vec<&str> = Vec::new();
+    for name in names {
+        let node = || graph.nodes().iter().find(|node| node.name == *name)?.output.first();
+        if let Some(value) = graph.values.name(name).or_else(|| node().map(String::as_str)) {
+            values.push(value);
+        } else if name == WEIGHTS {
+            let needed: Vec<&str> = graph.outputs().iter().map(String::as_str).collect();
+            let needed = graph.needed(&needed, &HashSet::new());
+            let nodes = graph.nodes().iter().zip(needed).filter(|(_, needed)| *needed);
+            let inputs = nodes.flat_map(|(node, _)| &node.input).map(String::as_str);
+            let is_weight = |name: &&str| matches!(graph.source(name), Some(Source::Initializer(_)));
+            let mut taken = HashSet::new();
+            values.extend(inputs.filter(is_weight).filter(floats).filter(|name| taken.insert(*name)));
+        } else {
+            return Err(Error::new(format!(
+                "there is no value or node `{name}`; `{WEIGHTS}` names all weights, and the inputs are {}",
+                graph.inputs().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+            )));
+        }
+    }
+    Ok(values)
 }
 
 /// One term.
@@ -352,6 +412,21 @@ mod tests {
                 compared(text, opset);
             }
         }
+    }
+
+    #[test]
+    fn inputs_layers_and_weights_can_be_named() {
+        let graph = graph(13);
+        let named = |names: &[&str]| {
+            let names: Vec<_> = names.iter().map(|name| (*name).to_owned()).collect();
+            values(&graph, &names).map(|values| values.join(" ")).map_err(|error| error.to_string())
+        };
+        assert_eq!(named(&[]).unwrap(), "x");
+        assert_eq!(named(&["matmul_0", "a-b"]).unwrap(), "scores a-b");
+        assert_eq!(named(&["weights", "x"]).unwrap(), "w0 w1 x");
+        assert!(named(&["y"]).unwrap_err().contains("no value or node `y`"));
+        let error = Objective::only(&graph).unwrap_err().to_string();
+        assert!(error.contains("`scores` (2, 4), `a-b` (2, 4), `steering:0` (2, 1)"), "{error}");
     }
 
     #[test]

@@ -29,6 +29,7 @@ mod doctor;
 mod examples;
 mod export;
 mod gate;
+mod gradient;
 mod list;
 mod merge;
 mod network;
@@ -132,6 +133,8 @@ enum Verb {
     Preview(preview::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
     Saliency(saliency::Arguments),
+    /// Write the exact gradient of a network as a network
+    Gradient(gradient::Arguments),
     /// Write the reference pages of all perturbations
     Reference(reference::Arguments),
     /// List the components there are
@@ -206,7 +209,7 @@ impl Verb {
             Verb::Session(_) | Verb::Merge(_) => false,
             Verb::Gate(_) | Verb::Verify(_) | Verb::Suite(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
-            Verb::Road(_) | Verb::Export(_) | Verb::Tap(_) | Verb::Watch(_) => false,
+            Verb::Road(_) | Verb::Export(_) | Verb::Gradient(_) | Verb::Tap(_) | Verb::Watch(_) => false,
             Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
         }
     }
@@ -234,6 +237,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(arguments) => preview::run(global, arguments),
         Verb::Corrupt(arguments) => corrupt::run(global, arguments),
         Verb::Saliency(arguments) => saliency::run(global, arguments),
+        Verb::Gradient(arguments) => gradient::run(global, arguments),
         Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),
         Verb::Show(arguments) => show::run(global, arguments),
