@@ -50,7 +50,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         )));
     }
     let place = format!("network `{}`", model.display());
-    let graph = Graph::new(model::read(model)?).place(&place)?;
+    let graph = model::read(model).and_then(Graph::new).place(&place)?;
     let objective = match of {
         Some(text) => Objective::parse(text, &graph),
         None => Objective::only(&graph).map_err(|error| error.at("--of is missing")),
