@@ -1,7 +1,7 @@
 //! Perturbations: components that change a frame.
 
 use pdk_abi::{PerturbationFunctionsRef, empty, load};
-use pdk_ops::warp::Affine;
+use pdk_ops::affine::Affine;
 use pdk_ops::{Frame, FrameBuf, FrameMut};
 use pdk_seed::{Key, Random};
 
