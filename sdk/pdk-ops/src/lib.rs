@@ -7,6 +7,7 @@
 //! Same input, same bytes: kernels use no operation whose result depends on the CPU, the number of threads or the
 //! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`pdk_seed`].
 
+pub mod affine;
 pub mod average;
 pub mod blend;
 pub mod border;

@@ -3,61 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pdk_abi::each_kind;
 pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// Writes [`Kind`], and the function that begins a description of each, from a list of the kinds in the order in which they are listed for
-/// people.
-macro_rules! kinds {
-    ($($kind:ident $name:ident: $does:literal, $describes:literal;)*) => {
-        /// The kinds of component.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        pub enum Kind {
-            $(#[doc = $does] $kind,)*
-        }
-
-        impl Kind {
-            /// All kinds, in the order in which they are listed.
-            pub const ALL: [Kind; [$(stringify!($kind)),*].len()] = [$(Kind::$kind),*];
-
-            /// The name as it is written in lists and on the command line.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Kind::$kind => stringify!($name),)*
-                }
-            }
-        }
-
-        impl Description {
-            $(
-                #[doc = concat!("Describes ", $describes, ".")]
-                #[track_caller]
-                pub fn $name(name: &str, doc: &str) -> Self {
-                    Self::of(Kind::$kind, name, doc)
-                }
-            )*
-        }
-    };
-}
-
-kinds! {
-    Perturbation perturbation: "Changes a frame.", "a perturbation";
-    Simulator simulator: "Renders frames and moves the vehicle.", "a simulator";
-    Driver driver: "Looks at a frame and steers.", "a driver";
-    Saliency saliency: "Says which pixels matter to a driver.", "a saliency method";
-    Mask mask: "Says where frames are to be perturbed.", "a mask";
-    Search search: "Proposes scenarios and learns from outcomes.", "a search strategy";
-    Predictor predictor: "Looks at a frame and gives values by name, such as scores of classes.", "a predictor";
-    Dataset dataset: "Reads recorded frames with their ground truth.", "a dataset reader";
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
+pub use crate::kinds::Kind;
 
 /// Whether a perturbation looks at one frame only or moves over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -433,6 +384,23 @@ impl Description {
         self
     }
 }
+
+/// The functions that begin a description, one for each kind.
+macro_rules! begin {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
+        impl Description {
+            $(
+                #[doc = concat!("Begins the description of a ", $one, ".")]
+                #[track_caller]
+                pub fn $name(name: &str, doc: &str) -> Self {
+                    Self::of(Kind::$kind, name, doc)
+                }
+            )*
+        }
+    };
+}
+
+each_kind!(begin);
 
 /// Files that become components of their own when they lie in a certain folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
