@@ -128,7 +128,7 @@ fn a_worse_driver_fails_with_a_code_of_its_own_and_its_failures_are_kept() {
     assert!(markdown.contains("| not worse | not met |") && markdown.contains(command), "{markdown}");
     let junit = fs::read_to_string(file("a.xml")).unwrap();
     assert!(
-        junit.contains("failures=\"1\"") && junit.contains("<failure message=\"worse\" type=\"not met\">"),
+        junit.contains("failures=\"1\"") && junit.contains("<failure type=\"not met\" message=\"worse\">"),
         "{junit}"
     );
     assert_eq!(json_file(&file("a.json")), json_file(&out.join("verdict.json")));

@@ -128,7 +128,7 @@ pub fn write(from: &Path, kind: Kind, to: &Path) -> Result<Written> {
             let replay = |number: usize| {
                 replays.get(&(number as u64)).map(|scenario| scenario.replay.clone()).unwrap_or_default()
             };
-            folder.write("junit.xml", junit::junit(&run.title, &lines, &replay)?.as_bytes())?;
+            folder.write("junit.xml", junit::scenarios(&run.title, &lines, &replay)?.as_bytes())?;
         }
     }
     Ok(Written { files: folder.files, warnings })

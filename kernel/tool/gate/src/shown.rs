@@ -2,12 +2,11 @@
 
 use std::fmt::Write;
 
-use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use pdk_export::junit::{self, Case, Cases, Wrong};
 use pdk_notice::printable;
 use pdk_record::shell;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
-use serde::Serialize;
 
 use crate::gate::{Judged, NewFailure};
 use crate::judge::{Finding, State};
@@ -147,16 +146,6 @@ pub fn markdown(judged: &Judged) -> String {
     text
 }
 
-/// A requirement in JUnit.
-#[derive(Serialize)]
-struct Case {
-    requirement: String,
-    failed: bool,
-    state: &'static str,
-    said: String,
-    figures: String,
-}
-
 /// The verdict as JUnit XML: a test case for each requirement.
 ///
 /// # Errors
@@ -167,47 +156,45 @@ pub fn junit(judged: &Judged) -> Result<String> {
         let [_, scenarios, old, new, difference, said] = cells(finding);
         let difference =
             if difference.is_empty() { difference } else { format!(", difference {difference}") };
+        let figures = format!("{said}: {scenarios} scenarios, old fails {old}, new fails {new}{difference}");
+        let failed = match finding.state {
+            State::Met => false,
+            State::NotMet => true,
+            // As the suite says.
+            State::Undecided => !verdict.decision.passed,
+        };
         Case {
-            requirement: printable(&finding.requirement).into_owned(),
-            failed: match finding.state {
-                State::Met => false,
-                State::NotMet => true,
-                // As the suite says.
-                State::Undecided => !verdict.decision.passed,
-            },
-            state: finding.state.text(),
-            figures: format!("{said}: {scenarios} scenarios, old fails {old}, new fails {new}{difference}"),
-            said,
+            class: format!("pdk.{}", verdict.suite.name),
+            name: printable(&finding.requirement).into_owned(),
+            wrong: failed.then(|| Wrong {
+                is_error: false,
+                kind: finding.state.text().to_owned(),
+                message: said,
+                text: figures.clone(),
+            }),
+            output: figures,
+            ..Case::default()
         }
     };
-    let cases: Vec<Case> = verdict.decision.findings.iter().map(case).collect();
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    let place = |error: minijinja::Error| Error::new(format!("cannot make the JUnit file ({error:#})"));
-    environment.add_template("junit.xml", include_str!("template/junit.xml")).map_err(place)?;
-    let template = environment.get_template("junit.xml").map_err(place)?;
+    let mut output = vec![headline(judged)];
     let lines = failures(judged);
-    let output = match lines.is_empty() {
-        true => headline(judged),
-        false => format!("{}\nNew failures:\n{}", headline(judged), lines.join("\n")),
-    };
-    let properties = [
+    if !lines.is_empty() {
+        output.push("New failures:".to_owned());
+        output.extend(lines);
+    }
+    let known = [
         ("old", &verdict.old.named),
         ("new", &verdict.new.named),
         ("suite", &verdict.suite.blake3),
         ("root", &verdict.root),
     ];
-    template
-        .render(context! {
-            suite => format!("{} {}", verdict.suite.name, verdict.suite.version),
-            class => verdict.suite.name,
-            failures => cases.iter().filter(|case| case.failed).count(),
-            properties => properties.map(|(name, value)| (name, printable(value).into_owned())),
-            output => output.lines().map(|line| printable(line).into_owned()).collect::<Vec<_>>().join("\n"),
-            cases,
-        })
-        .map_err(place)
+    junit::render(&Cases {
+        name: "pdk gate".to_owned(),
+        suite: format!("{} {}", verdict.suite.name, verdict.suite.version),
+        properties: known.map(|(name, value)| (name, printable(value).into_owned())).to_vec(),
+        cases: verdict.decision.findings.iter().map(case).collect(),
+        output: output.iter().flat_map(|text| text.lines()).map(printable).collect::<Vec<_>>().join("\n"),
+    })
 }
 
 /// The verdict with its new failures, as JSON for a program.
