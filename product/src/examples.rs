@@ -56,6 +56,16 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "why",
+        &[
+            ("pdk why runs/study-1 --scenario 12", "which frames and which part of them made the drive fail"),
+            (
+                "pdk why runs/study-1 --scenario 12 --clips -o why-12",
+                "and videos of the drives that prove it",
+            ),
+        ],
+    ),
+    (
         "gradient",
         &[
             (

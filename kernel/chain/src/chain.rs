@@ -15,6 +15,7 @@ use pdk_sdk::seed;
 use crate::maps::Attended;
 use crate::mask::{self, Mask};
 use crate::moment::Moment;
+use crate::part::Part;
 use crate::selection::Selector;
 use pdk_components::registry::Registry;
 use pdk_supervise::calls::{self, Function};
@@ -46,11 +47,12 @@ struct Link {
     chance_key: Key,
     draws: Option<Draws>,
     mask: Option<Mask>,
+    part: Option<Part>,
     selector: Option<Selector>,
     attended: Option<Attended>,
     /// The frames that it was given before, as many as it asks for.
     history: Recollection,
-    /// How much of each pixel is changed where both limit it.
+    /// How much of each pixel is changed if several limit it.
     weights: Vec<u8>,
 }
 
@@ -98,6 +100,7 @@ impl Chain {
                 chance_key: key("probability"),
                 draws: applied.draws,
                 mask: applied.region.as_ref().map(Mask::new).transpose()?,
+                part: applied.during.as_ref().map(Part::new).transpose()?,
                 selector: match &applied.selection {
                     Some(selection) => Some(Selector::new(registry, selection, key("where"))?),
                     None => None,
@@ -266,20 +269,24 @@ impl Link {
         // Also a frame that it fails at: the camera has seen it.
         self.history.keep(src, frame_index, moment.time);
         applied.map_err(|error| error.at(&self.label))?;
-        let within = self.mask.as_mut().map(|mask| mask.weights(src.width(), src.height()));
-        match (within, chosen) {
-            (Some(weights), None) | (None, Some(weights)) => mask::restore(src, dst, weights),
-            (Some(within), Some(chosen)) => {
-                let both = within
-                    .iter()
-                    .zip(chosen)
-                    .map(|(&a, &b)| ((u32::from(a) * u32::from(b) + 127) / 255) as u8);
-                self.weights.clear();
-                self.weights.extend(both);
-                mask::restore(src, dst, &self.weights);
-            }
-            (None, None) => {}
+        let (width, height) = (src.width(), src.height());
+        let within = self.mask.as_mut().map(|mask| mask.weights(width, height));
+        let part = self.part.as_mut().map(|part| part.weights(moment.time, width, height));
+        let [inside, outside] = part.unwrap_or_default();
+        let mut limits = [within, chosen, inside, outside].into_iter().flatten();
+        let (Some(first), second) = (limits.next(), limits.next()) else { return Ok(()) };
+        if second.is_none() {
+            mask::restore(src, dst, first);
+            return Ok(());
         }
+        self.weights.clear();
+        self.weights.extend_from_slice(first);
+        for limit in second.into_iter().chain(limits) {
+            for (weight, &other) in self.weights.iter_mut().zip(limit) {
+                *weight = ((u32::from(*weight) * u32::from(other) + 127) / 255) as u8;
+            }
+        }
+        mask::restore(src, dst, &self.weights);
         Ok(())
     }
 }
@@ -289,7 +296,8 @@ impl Link {
     fn level_of(&self, moment: &Moment<'_>) -> Option<f64> {
         let Moment { frame_index, time, .. } = *moment;
         let spared =
-            self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
+            self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance)
+                || self.part.as_ref().is_some_and(|part| part.spares(time));
         self.level.at(time).filter(|_| !spared)
     }
 
@@ -306,7 +314,8 @@ impl Link {
     /// # Errors
     /// If that is not known, with its name.
     fn geometry(&self) -> Result<Geometry> {
-        let limited = self.mask.is_some() || self.selector.is_some() || self.attended.is_some();
+        let limited =
+            self.mask.is_some() || self.part.is_some() || self.selector.is_some() || self.attended.is_some();
         let sentence = match self.description.geometry {
             Geometry::Kept => return Ok(Geometry::Kept),
             Geometry::Moved if !limited => return Ok(Geometry::Moved),

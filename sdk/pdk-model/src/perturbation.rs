@@ -7,6 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::attention::Attention;
 use crate::component::{check_values, unfold, without_value};
+use crate::during::During;
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
 use crate::region::Region;
@@ -121,6 +122,17 @@ modifiers! {
         ],
         luau_type: "Region?",
         python: "Mapping[str, Any] | Sequence[float]",
+    }
+    during: During as "during", |name, value| placed(name, During::from_json(value)), "The part of the drive that is perturbed." {
+        details: "A span of time in seconds, of which `from` is in it and `to` is not, and a box in its frames as for `region`. What is left out does not \
+                  limit it. `except` is another such part, which is not perturbed.",
+        examples: &[
+            r#"{"from":2,"to":3.5}"#,
+            r#"{"to":3.5,"box":[0,0.5,1,1]}"#,
+            r#"{"except":{"from":2,"to":3.5,"box":[0,0.5,1,1]}}"#,
+        ],
+        luau_type: "During?",
+        python: "Mapping[str, Any]",
     }
     selection: Selection as "where", |name, value| placed(name, Selection::from_json(value)),
     "The pixels that are perturbed, by a saliency map of the frame as the camera saw it, by what they show, or by a mask." {

@@ -11,3 +11,4 @@ mod pool;
 mod search;
 mod session;
 mod shrink;
+mod why;
