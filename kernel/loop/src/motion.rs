@@ -1,5 +1,6 @@
 //! What the simulator says about the vehicle, as far as it is believed.
 
+use pdk_components::held::Held;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Clock;
 use pdk_sdk::error::{Error, ErrorKind};
@@ -7,7 +8,6 @@ use pdk_sdk::prelude::{Simulator, State};
 use pdk_sdk::timeline::{Timeline, Told};
 
 use crate::fault::Fault;
-use crate::held::Held;
 use crate::way::Way;
 
 /// A simulator may deliver this many times the frames that its rate and the time limit make, and this many more; a scenario

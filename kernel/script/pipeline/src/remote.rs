@@ -130,7 +130,7 @@ impl Server {
                     _ => continue,
                 },
                 Ok(Found::Message(call)) => self.call(call),
-                Ok(Found::Nonsense(error)) => Err(Error::of(
+                Ok(Found::Nonsense(error, _)) => Err(Error::of(
                     ErrorKind::Nonsense,
                     format!("what came is not a call ({error}); see docs/session-protocol.md"),
                 )),

@@ -72,7 +72,12 @@ impl Dispatch {
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
-            Found::Nonsense(error) => {
+            Found::Nonsense(_, Some(message))
+                if self.workers.connections[place].leaves_out(&message, &self.options.pool) =>
+            {
+                Ok(())
+            }
+            Found::Nonsense(error, _) => {
                 Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
             }
             Found::End => {

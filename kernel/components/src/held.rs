@@ -1,4 +1,4 @@
-//! Instances that a worker keeps from one scenario to the next, and the notes that it makes of every call.
+//! Instances with the notes that are made of every call, kept from one scenario to the next.
 
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
@@ -29,6 +29,11 @@ impl<T: ?Sized> Held<T> {
     /// As it is named to the user.
     pub fn label(&self) -> &str {
         &self.label
+    }
+
+    /// Names it otherwise to the user.
+    pub fn rename(&mut self, label: String) {
+        self.label = label;
     }
 
     /// Makes a call; `frame` says for which frame. An error says whose it is.
