@@ -9,6 +9,7 @@ mod finishing;
 mod frames;
 mod inside;
 mod record;
+pub(crate) mod recordings;
 mod scenarios;
 mod searches;
 mod searching;
@@ -180,7 +181,7 @@ impl Host {
     }
 
     /// Writes down what is used from here on, before anything is computed with it.
-    fn begin(&mut self) -> Result<()> {
+    pub(crate) fn begin(&mut self) -> Result<()> {
         self.setup.settings.check()?;
         self.record.begin(&mut self.setup)
     }

@@ -53,6 +53,7 @@ pub fn of_scenarios<'a>(
         levels: Vec::new(),
         nominal: 0.0,
         places: Vec::new(),
+        recordings: Vec::new(),
         test: Test::default(),
         requirements: vec![Requirement::of(Kind::Passes { allowed: 0 })],
         scenarios: tables,

@@ -8,6 +8,7 @@ use pdk_record::shell;
 use pdk_sdk::error::Result;
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 
+use crate::came::Ending;
 use crate::gate::{Judged, NewFailure};
 use crate::judge::{Finding, State};
 
@@ -17,9 +18,18 @@ const HEADER: [&str; 7] =
 /// New failures that a table names; the others are in the verdict.
 const MOST: usize = 20;
 
-/// The command that repeats a drive.
+/// The command that repeats a drive or a block.
 pub fn replay(failure: &NewFailure) -> String {
-    shell::replay(&failure.record, failure.id)
+    match failure.cause {
+        Ending::Drive(_) => shell::replay(&failure.record, failure.id),
+        Ending::Block(_) => {
+            format!(
+                "pdk verify {} --scenario {}",
+                shell::quoted(&failure.record.to_string_lossy()),
+                failure.id
+            )
+        }
+    }
 }
 
 /// The cells of a row after the name of the requirement.
@@ -65,8 +75,12 @@ pub fn headline(judged: &Judged) -> String {
     let word = if verdict.decision.passed { "passed" } else { "failed" };
     let (driven, budget) = judged.drives;
     format!(
-        "{word}: {} against {} in suite {} version {}, decided after {driven} of at most {budget} drives",
-        verdict.new.named, verdict.old.named, verdict.suite.name, verdict.suite.version
+        "{word}: {} against {} in suite {} version {}, decided after {driven} of at most {budget} {}",
+        verdict.new.named,
+        verdict.old.named,
+        verdict.suite.name,
+        verdict.suite.version,
+        verdict.unit()
     )
 }
 
@@ -87,9 +101,9 @@ pub fn explanation(judged: &Judged) -> Option<String> {
 /// A line for each new failure.
 pub fn failures(judged: &Judged) -> Vec<String> {
     let line = |failure: &NewFailure| {
-        let NewFailure { title, cause, time, clip, .. } = failure;
+        let NewFailure { title, said, clip, .. } = failure;
         let clip = clip.as_ref().map(|clip| format!("\n  {}", clip.display())).unwrap_or_default();
-        format!("{title}: {} after {time:.2} s\n  {}{clip}", cause.text(), replay(failure))
+        format!("{title}: {said}\n  {}{clip}", replay(failure))
     };
     let mut lines: Vec<String> = judged.failures.iter().take(MOST).map(line).collect();
     if let Some(more) = judged.failures.len().checked_sub(MOST).filter(|more| *more > 0) {
@@ -129,15 +143,9 @@ pub fn markdown(judged: &Judged) -> String {
     if !judged.failures.is_empty() {
         let _ = write!(text, "\n<details><summary>New failures: {}</summary>\n\n", judged.failures.len());
         for failure in &judged.failures {
-            let NewFailure { title, cause, time, clip, .. } = failure;
+            let NewFailure { title, said, clip, .. } = failure;
             let clip = clip.as_ref().map(|clip| format!(", clip {}", cell(&clip.to_string_lossy())));
-            let _ = writeln!(
-                text,
-                "- {}: {} after {time:.2} s{}",
-                cell(title),
-                cause.text(),
-                clip.unwrap_or_default()
-            );
+            let _ = writeln!(text, "- {}: {said}{}", cell(title), clip.unwrap_or_default());
             let _ = writeln!(text, "  ```sh\n  {}\n  ```", printable(&replay(failure)));
         }
         text += "\n</details>\n";

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::Scenario;
+use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_road::{MapBox, Road};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::seed::{Key, Random};
@@ -14,6 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Value, json};
 
 use crate::loaded::Loaded;
+use crate::recording::{Block, Stretch};
 use crate::requirement::Kind;
 use crate::suite::{Place, Roads, Suite};
 
@@ -79,6 +80,8 @@ pub struct Step {
     pub perturbation: Option<String>,
     /// Its level.
     pub level: Option<f64>,
+    /// The place of a drawn block among the blocks of its recordings; none for a road.
+    pub place: Option<usize>,
     /// The scenario, without a driver.
     pub scenario: Scenario,
 }
@@ -92,7 +95,11 @@ impl Step {
     /// What tables call it.
     pub fn title(&self) -> String {
         let Self { series, number, .. } = self;
-        format!("{series} {}: {}", number + 1, self.scenario.default_name())
+        let name = format!("{series} {}: {}", number + 1, self.scenario.default_name());
+        match Stretch::of(&self.scenario) {
+            Some(Stretch { start, end, .. }) => format!("{name}, frames {start} to {}", end - 1),
+            None => name,
+        }
     }
 }
 
@@ -114,8 +121,7 @@ pub fn steps(loaded: &Loaded) -> impl Iterator<Item = Result<Step>> + '_ {
         })
         .flatten()
         .collect();
-    let pairs = if suite.places.is_empty() { 0 } else { suite.test.pairs };
-    let drawn = (0..pairs).map(|number| (Series::Drawn, number));
+    let drawn = (0..loaded.pairs()).map(|number| (Series::Drawn, number));
     fixed.chain(measured).chain(drawn).map(move |(series, number)| step(loaded, series, number))
 }
 
@@ -127,21 +133,70 @@ pub fn step(loaded: &Loaded, series: Series, number: usize) -> Result<Step> {
     let suite = &loaded.suite;
     if series == Series::Fixed {
         let scenario = suite.fixed(number)?;
-        return Ok(Step { series, number, perturbation: None, level: None, scenario });
+        return Ok(Step { series, number, perturbation: None, level: None, place: None, scenario });
     }
     let mut random = key(&loaded.hash, series, number).sequence();
+    if !suite.recordings.is_empty() {
+        return of_recording(loaded, series, number, &mut random);
+    }
     let place = usize::try_from(random.below(suite.places.len() as u32)).unwrap_or_default();
     let place = suite.places.get(place).ok_or_else(|| Error::new("the suite has no [[place]]"))?;
     let road = road(&mut random, &place.road)?;
     let seed = random.next_u64() >> 11;
-    let (perturbation, applied) = match series {
-        Series::Requirement(place) => required_perturbation(suite, place)?,
-        _ => drawn_perturbation(suite, &mut random)?,
-    };
-    let level =
-        applied.as_ref().and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64());
+    let (perturbation, applied) = perturbed(suite, series, &mut random)?;
+    let level = level_of(applied.as_ref());
     let scenario = scenario(place, road, applied, seed)?;
-    Ok(Step { series, number, perturbation, level, scenario })
+    Ok(Step { series, number, perturbation, level, place: None, scenario })
+}
+
+/// A block of a recording. Each is drawn once, in a random order, so that blocks that are looked at early are rarely neighbours.
+fn of_recording(loaded: &Loaded, series: Series, number: usize, random: &mut Random) -> Result<Step> {
+    let opened = &loaded.opened;
+    let (block, place) = match series {
+        Series::Requirement(_) => {
+            let mut order = key(&loaded.hash, series, usize::MAX).sequence();
+            (opened.drawn_apart(number, &mut order), None)
+        }
+        _ => {
+            let block = opened.drawn(number);
+            (block, block.map(|block| block.place))
+        }
+    };
+    let Block { reader, stretch, .. } = block.ok_or_else(|| {
+        Error::new(format!(
+            "the recordings have {} blocks, which is not enough for `{series} {}`; name longer recordings, or set a smaller `block`",
+            opened.blocks.len(),
+            number + 1
+        ))
+    })?;
+    let seed = random.next_u64() >> 11;
+    let (perturbation, applied) = perturbed(&loaded.suite, series, random)?;
+    let level = level_of(applied.as_ref());
+    let scenario = Scenario {
+        simulator: reader.clone(),
+        road: serde_json::to_value(stretch)?,
+        perturbations: applied.into_iter().collect(),
+        duration: DEFAULT_DURATION,
+        seed,
+        ..Scenario::default()
+    };
+    Ok(Step { series, number, perturbation, level, place, scenario })
+}
+
+fn perturbed(suite: &Suite, series: Series, random: &mut Random) -> Result<Drawn> {
+    match series {
+        Series::Requirement(place) => required_perturbation(suite, place),
+        _ => drawn_perturbation(suite, random),
+    }
+}
+
+fn level_of(applied: Option<&AppliedPerturbation>) -> Option<f64> {
+    applied.and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64())
+}
+
+/// The key of the order in which the blocks of recordings are looked at.
+pub fn order(hash: &str) -> Key {
+    key(hash, Series::Drawn, usize::MAX)
 }
 
 /// The stream of draws of a scenario.
@@ -218,7 +273,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::fixture::{SMALL, suite};
+    use crate::fixture::{RECORDED, SMALL, open_recorded, suite};
 
     #[test]
     fn scenarios_follow_from_the_contents_and_their_number() {
@@ -260,5 +315,38 @@ mod tests {
             assert_eq!(series.to_string().parse::<Series>().unwrap(), series);
         }
         assert!("requirement 0".parse::<Series>().is_err());
+    }
+
+    #[test]
+    fn blocks_of_a_recording_are_drawn_once_each_with_luck_of_their_own() {
+        let text = RECORDED.replace("levels = [1, 2]", "levels = [1, 2]\nnominal = 0.25");
+        let measure =
+            "kind = \"measure\"\nmeasure = \"steering_error\"\nat = \"fog@2\"\nbelow = 9\non = [2, 3]";
+        let text = format!("{text}\n[[require]]\n{measure}\n[[require]]\nkind = \"not_worse\"");
+        let mut loaded = suite(&text).unwrap();
+        assert_eq!(steps(&loaded).next().unwrap().unwrap_err().to_string(), {
+            "the recordings have 0 blocks, which is not enough for `requirement 1 1`; name longer recordings, or set a smaller `block`"
+        });
+        loaded.open(&Default::default(), &mut open_recorded(4000, &[0, 1000])).unwrap();
+        assert_eq!(loaded.pairs(), 200);
+        let all: Vec<Step> = steps(&loaded).collect::<Result<_>>().unwrap();
+        assert_eq!(all.len(), 203);
+        assert!(all[..3].iter().all(|step| !step.is_pair() && step.place.is_none()));
+        let drawn = &all[3..];
+        let places: BTreeSet<usize> = drawn.iter().filter_map(|step| step.place).collect();
+        let seeds: BTreeSet<u64> = drawn.iter().map(|step| step.scenario.seed).collect();
+        assert_eq!((places.len(), seeds.len()), (200, 200));
+        // The order says nothing of the place.
+        let in_order = drawn.windows(2).filter(|pair| pair[0].place < pair[1].place).count();
+        assert!((70..130).contains(&in_order), "{in_order}");
+        let names: BTreeSet<String> = drawn.iter().map(|step| step.scenario.default_name()).collect();
+        assert_eq!(names.into_iter().collect::<Vec<_>>(), ["fog@1", "fog@2", "nominal", "rain@3"]);
+        let Stretch { start, end, .. } = Stretch::of(&drawn[0].scenario).unwrap();
+        assert!(
+            drawn[0].title().ends_with(&format!(", frames {start} to {}", end - 1)),
+            "{}",
+            drawn[0].title()
+        );
+        assert_eq!(all[7], step(&loaded, Series::Drawn, 4).unwrap());
     }
 }

@@ -7,6 +7,7 @@ use pdk_sdk::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::recording::{Recording, Stretch};
 use crate::requirement::{Kind, Requirement};
 
 /// The largest number of scenarios.
@@ -37,6 +38,9 @@ pub struct Suite {
     /// The simulators of which each drawn scenario has one, with the roads that are drawn there.
     #[serde(default, rename = "place", skip_serializing_if = "Vec::is_empty")]
     pub places: Vec<Place>,
+    /// The recordings whose blocks are drawn, in the place of roads.
+    #[serde(default, rename = "recording", skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<Recording>,
     /// How the decision is made.
     #[serde(default)]
     pub test: Test,
@@ -102,7 +106,7 @@ pub struct Test {
     pub tolerated: f64,
     /// The probability of a wrong verdict, of all tests together.
     pub alpha: f64,
-    /// The largest number of drawn scenarios that are driven by both drivers.
+    /// The largest number of drawn scenarios that are given to both drivers; recordings may have fewer blocks.
     pub pairs: usize,
     /// How many scenarios are under way before the first of them has been looked at.
     pub ahead: usize,
@@ -160,14 +164,30 @@ impl Suite {
             .map_err(|error| Error::new(format!("{}: {error}", place())))
     }
 
+    /// Whether scenarios are drawn.
+    pub fn draws(&self) -> bool {
+        !self.places.is_empty() || !self.recordings.is_empty()
+    }
+
+    /// Whether its scenarios are blocks of recordings.
+    pub fn is_recorded(&self) -> bool {
+        !self.recordings.is_empty()
+            || (0..self.scenarios.len())
+                .any(|number| self.fixed(number).is_ok_and(|scenario| Stretch::of(&scenario).is_some()))
+    }
+
+    /// What is drawn for a measure.
+    pub fn drawn(&self) -> &'static str {
+        if self.is_recorded() { "blocks" } else { "roads" }
+    }
+
     /// What is required: what the file says, or what goes without saying.
     pub fn required(&self) -> Vec<Requirement> {
         if !self.requirements.is_empty() {
             return self.requirements.clone();
         }
         let fixed = (!self.scenarios.is_empty()).then_some(Kind::Passes { allowed: 0 });
-        let drawn =
-            (!self.places.is_empty()).then_some(Kind::NotWorse { by: Default::default(), tolerated: None });
+        let drawn = self.draws().then_some(Kind::NotWorse { by: Default::default(), tolerated: None });
         fixed.into_iter().chain(drawn).map(Requirement::of).collect()
     }
 }

@@ -3,27 +3,28 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pdk_components::catalog::Catalog;
+use pdk_components::hash;
 use pdk_model::canonical::canonical;
 use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::ScenarioId;
 use pdk_record::manifest::ComponentRecord;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use crate::came::{Came, Ending};
 use crate::judge::{Decision, Judge, Seen};
 use crate::loaded::Loaded;
 use crate::merkle;
-use crate::requirement::{Kind, measured};
+use crate::recording::RecordingRecord;
+use crate::requirement::Kind;
 use crate::role::Role;
 use crate::step::{Series, Step, steps};
 
 /// The version of the format.
 const FORMAT: u32 = 1;
-/// Hexadecimal digits of a checksum.
-const DIGITS: usize = 32;
 /// Bytes of a file that may be a verdict.
 const LARGEST: u64 = 256 << 20;
 
@@ -40,6 +41,9 @@ pub struct Verdict {
     pub old: DriverRecord,
     /// The new driver.
     pub new: DriverRecord,
+    /// The recordings of the suite.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<RecordingRecord>,
     /// What scenarios left to the machine, such as the engine of networks, and what it was.
     pub settled: Vec<(String, String)>,
     /// The components with which was driven, with the hashes of their files.
@@ -88,8 +92,8 @@ pub struct Entry {
     /// The id of the scenario.
     pub id: ScenarioId,
     /// How it ended.
-    pub cause: Cause,
-    /// The measure of a requirement about one; none if the drive did not come to its end.
+    pub cause: Ending,
+    /// The measure of a requirement about one; none if it was not measured, or the drive did not come to its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<f64>,
     /// The checksum of the outcome.
@@ -98,11 +102,11 @@ pub struct Entry {
 
 impl Entry {
     /// What came of a scenario of a suite.
-    pub fn new(loaded: &Loaded, step: &Step, driver: Role, id: ScenarioId, outcome: &Outcome) -> Self {
+    pub fn new(loaded: &Loaded, step: &Step, driver: Role, id: ScenarioId, came: &Came) -> Self {
         let required = loaded.suite.required();
         let measured = match step.series {
             Series::Requirement(place) => match required.get(place).map(|requirement| &requirement.kind) {
-                Some(Kind::Measure { measure, .. }) => measured(outcome, measure),
+                Some(Kind::Measure { measure, .. }) => came.measured(measure),
                 _ => None,
             },
             _ => None,
@@ -113,23 +117,16 @@ impl Entry {
             number: *number,
             driver,
             id,
-            cause: outcome.cause,
+            cause: came.ending(),
             measured,
-            checksum: checksum(&id, outcome),
+            checksum: came.checksum(&id),
         }
     }
 
     /// Whether the driver failed.
     pub fn failed(&self) -> bool {
-        self.cause.verdict().failed()
+        self.cause.failed()
     }
-}
-
-/// The checksum of an outcome: of all that it says, and of the scenario.
-pub fn checksum(id: &ScenarioId, outcome: &Outcome) -> String {
-    let text = canonical(&json!({"id": id, "outcome": outcome}));
-    let hash = blake3::derive_key("pdk verdict outcome, version 1", text.as_bytes());
-    blake3::Hash::from_bytes(hash).to_hex()[..DIGITS].to_owned()
 }
 
 /// What came of a step, by its entries.
@@ -195,7 +192,7 @@ impl Verdict {
         if self.root != self.own_root() {
             wrong.push("its root is not that of its contents, so it was edited or is damaged".to_owned());
         }
-        let mut judge = Judge::new(&loaded.suite);
+        let mut judge = Judge::new(loaded);
         let mut entries = self.entries.iter().enumerate();
         for step in steps(loaded) {
             if judge.is_over() {
@@ -227,6 +224,35 @@ impl Verdict {
             wrong.push("its decision does not follow from its entries".to_owned());
         }
         Ok(wrong)
+    }
+
+    /// What is different of the components since the verdict was made, a clause each.
+    pub fn changes(&self, catalog: &Catalog) -> Vec<String> {
+        let mut changes: Vec<String> = Vec::new();
+        for was in &self.components {
+            let Ok(entry) = catalog.get(was.kind, &was.name) else { continue };
+            let is = entry.description.version;
+            let code = catalog.code_of(entry);
+            let changed = match &code.blake3 {
+                Some(hash) => *hash != was.file.blake3,
+                None => hash::of(&code.file).is_ok_and(|hash| hash != was.file.blake3),
+            };
+            if is != was.version {
+                changes.push(format!(
+                    "the version of the {} `{}` was {} and is {is}",
+                    was.kind, was.name, was.version
+                ));
+            } else if changed {
+                changes.push(format!("the file of the {} `{}` is another", was.kind, was.name));
+            }
+        }
+        changes.dedup();
+        changes
+    }
+
+    /// What its entries are, for sentences.
+    pub fn unit(&self) -> &'static str {
+        if self.recordings.is_empty() { "drives" } else { "blocks" }
     }
 
     /// The driver that has this role.
