@@ -310,7 +310,7 @@ fn a_task_that_was_killed_has_the_numbers_of_its_lines() {
         let own = folder.path().join("data").join(name);
         fs::create_dir_all(&own).unwrap();
         for number in 0..400_usize {
-            let bright = if number.is_multiple_of(5) { 2 } else { class };
+            let bright = if number.is_multiple_of(5) { (class + 1) % 3 } else { class };
             let colour = std::array::from_fn(|channel| if channel == bright { 130 } else { 100 });
             RgbImage::from_pixel(8, 8, image::Rgb(colour))
                 .save(own.join(format!("{number:03}.png")))
