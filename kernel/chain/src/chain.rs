@@ -6,11 +6,13 @@ use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_model::scenario::Scenario;
 use pdk_sdk::config::{self, Config};
-use pdk_sdk::describe::{Description, Geometry, Kind};
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::describe::{ActsOn, Description, Geometry, Kind};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::history::Recollection;
-use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation, Way};
+use pdk_sdk::perturbation::pass;
+use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation, Signal, Way};
 use pdk_sdk::seed;
+use pdk_sdk::signals::{Numbers, Passed};
 
 use crate::maps::Attended;
 use crate::mask::{self, Mask};
@@ -22,6 +24,8 @@ use pdk_supervise::calls::{self, Function};
 /// Perturbations applied one after the other.
 pub struct Chain {
     links: Vec<Link>,
+    /// Those that act on what the driver gets besides the frame, or on controls.
+    devices: Vec<Link>,
     /// What lies between two links.
     between: [FrameBuf; 2],
 }
@@ -50,27 +54,37 @@ struct Link {
     attended: Option<Attended>,
     /// The frames that it was given before, as many as it asks for.
     history: Recollection,
+    /// The signals that it passed on, if it is one of the devices.
+    signals: Passed,
     /// How much of each pixel is changed where both limit it.
     weights: Vec<u8>,
 }
 
 impl Chain {
-    /// The chain of a scenario.
-    ///
-    /// # Errors
-    /// As for [`Chain::new`].
-    pub fn of_scenario(registry: &Registry, scenario: &Scenario) -> Result<Self> {
-        Self::new(registry, &scenario.perturbations, scenario.seed)
-    }
-
-    /// Makes the instances. Each draws from a key of its own: the seed, its name, and how many of the same name come before
+    /// The chain of a drive. Each perturbation draws from a key of its own: the seed, its name, and how many of the same name come before
     /// it; so neither other perturbations nor their order change what it draws.
     ///
     /// # Errors
     /// If a perturbation does not exist or refuses its parameters.
+    pub fn of_scenario(registry: &Registry, scenario: &Scenario) -> Result<Self> {
+        Self::make(registry, &scenario.perturbations, scenario.seed)
+    }
+
+    /// A chain for frames alone, which draws as that of a drive does.
+    ///
+    /// # Errors
+    /// As for [`Chain::of_scenario`], and if a perturbation does not act on frames.
     pub fn new(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
+        let chain = Self::make(registry, perturbations, seed)?;
+        let Some(link) = chain.devices.first() else { return Ok(chain) };
+        let what = link.description.acts_on.text();
+        let sentence = format!("it changes {what}, which there is in drives alone; leave it out");
+        Err(Error::of(ErrorKind::Configuration, sentence).at(&link.label))
+    }
+
+    fn make(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
         let mut seen = BTreeMap::new();
-        let mut links = Vec::with_capacity(perturbations.len());
+        let (mut links, mut devices) = (Vec::with_capacity(perturbations.len()), Vec::new());
         for applied in perturbations {
             let (instance, config) = registry.perturbation(&applied.name, &applied.parameters)?;
             let description = registry.catalog().get(Kind::Perturbation, &applied.name)?.description.clone();
@@ -80,15 +94,25 @@ impl Chain {
                 )
                 .at(format_args!("perturbation `{}`", applied.name)));
             }
+            let limited = applied.region.is_some() || applied.selection.is_some();
+            let (of, frames) = match description.acts_on.is_frame() {
+                true => (&mut links, description.history as usize),
+                false if limited => {
+                    let sentence = "it does not change frames, so leave `region` and `where` out";
+                    return Err(Error::new(sentence).at(format_args!("perturbation `{}`", applied.name)));
+                }
+                false => (&mut devices, 0),
+            };
             let number = seen.entry(applied.name.as_str()).or_insert(0u64);
             let key = |what: &str| key(seed, what, &applied.name, *number);
-            links.push(Link {
+            of.push(Link {
                 label: label(applied),
                 name: applied.name.clone(),
                 number: *number,
                 instance: Some(instance),
                 names: description.parameters.iter().map(|p| p.name.clone()).collect(),
-                history: Recollection::of(description.history as usize),
+                history: Recollection::of(frames),
+                signals: Passed::of(description.history as usize - frames),
                 description,
                 config,
                 values: Vec::new(),
@@ -110,10 +134,10 @@ impl Chain {
             });
             *number += 1;
         }
-        Ok(Self { links, between: [FrameBuf::default(), FrameBuf::default()] })
+        Ok(Self { links, devices, between: [FrameBuf::default(), FrameBuf::default()] })
     }
 
-    /// Makes it the chain of the same perturbations at other levels, with another seed, at the beginning of a sequence. That
+    /// Makes a chain for frames alone that of the same perturbations at other levels, with another seed, at the beginning of a sequence. That
     /// takes less time than to make one, because instances keep what they have prepared. `perturbations` differ in their levels
     /// alone from those that the chain was made of.
     pub fn begin_again(&mut self, perturbations: &[AppliedPerturbation], seed: u64) {
@@ -144,7 +168,7 @@ impl Chain {
         let selectors = || self.links.iter().filter_map(|link| link.selector.as_ref());
         Annotations {
             labels: selectors().any(Selector::needs_labels),
-            depth: selectors().any(Selector::needs_depth),
+            depth: selectors().any(Selector::needs_depth) || self.links.iter().any(Link::needs_depth),
         }
     }
 
@@ -178,6 +202,15 @@ impl Chain {
         }
         let input = if earlier.is_empty() { src } else { from.as_ref() };
         last.apply(src, input, dst, moment)
+    }
+
+    /// What becomes of a signal at a moment: of what the driver gets besides the frame, or of its control. None if nothing acts on it.
+    ///
+    /// # Errors
+    /// If a perturbation fails, with its name.
+    pub fn pass(&mut self, what: ActsOn, given: Numbers, moment: &Moment<'_>) -> Result<Option<Numbers>> {
+        let links = self.devices.iter_mut().filter(|link| link.description.acts_on == what);
+        links.fold(Ok(None), |passed, link| link.pass(passed?.unwrap_or(given), moment).map(Some))
     }
 
     /// Whether it moves things.
@@ -236,6 +269,7 @@ impl Link {
     ) -> Result<()> {
         let Moment { frame_index, .. } = *moment;
         let (level, key) = (self.level_of(moment), self.key_of(frame_index));
+        let depth = moment.depth.filter(|_| self.needs_depth());
         // Also for frames that are spared, so that a map comes from the frame whose turn it is.
         let chosen = match &mut self.selector {
             Some(selector) => Some(selector.weights(raw, moment).map_err(|error| error.at(&self.label))?),
@@ -252,11 +286,12 @@ impl Link {
         };
         config::frame_values(&self.description, &self.config, level, &mut self.values);
         let cx = context((level, moment), &key, self.draws, (&self.names, &self.values));
-        let cx = match attended {
+        let mut cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,
         }
         .with_history(self.history.before(src, frame_index));
+        cx.depth = depth;
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));
         let Some(instance) = &mut self.instance else { return Ok(()) };
@@ -285,6 +320,34 @@ impl Link {
 }
 
 impl Link {
+    /// What becomes of a signal.
+    fn pass(&mut self, given: Numbers, moment: &Moment<'_>) -> Result<Numbers> {
+        let Moment { frame_index, time, .. } = *moment;
+        let (level, key) = (self.level_of(moment), self.key_of(frame_index));
+        let mut passed = given;
+        if let (Some(level), Some(instance)) = (level, &mut self.instance) {
+            config::frame_values(&self.description, &self.config, level, &mut self.values);
+            let cx = context((level, moment), &key, self.draws, (&self.names, &self.values))
+                .with_signals(self.signals.before(frame_index));
+            let what = self.description.acts_on;
+            let function = if what == ActsOn::Control { Function::Actuate } else { Function::Observe };
+            passed = calls::call_at(&self.label, function, frame_index, || {
+                pass(&mut **instance, what, given, &cx)
+            })
+            .map_err(|error| error.at(&self.label))?;
+        }
+        self.signals.keep(Signal { frame_index, time, given, passed });
+        Ok(passed)
+    }
+
+    /// Whether it is set to something for which it needs to know how far away pixels are.
+    fn needs_depth(&self) -> bool {
+        self.description
+            .depth
+            .as_ref()
+            .is_some_and(|choice| self.config.text(&choice.parameter) == choice.option)
+    }
+
     /// The intensity in a frame; none if it is spared.
     fn level_of(&self, moment: &Moment<'_>) -> Option<f64> {
         let Moment { frame_index, time, .. } = *moment;
@@ -349,7 +412,7 @@ fn context<'a>(
     (names, values): (&'a [String], &'a [f64]),
 ) -> Context<'a> {
     let mut cx = Context::new(level, moment.frame_index, moment.time, key).with_values(names, values);
-    cx.travelled = moment.travelled;
+    (cx.travelled, cx.period) = (moment.travelled, moment.period);
     match draws {
         Some(Draws::PerSequence) => cx.with_stream(0),
         _ => cx,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::hash;
-use crate::suggest;
+use pdk_sdk::suggest;
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
 pub const BUILT_IN: &str = "built-in:";

@@ -5,6 +5,7 @@
 //! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
+pub mod bursts;
 pub mod cache;
 pub mod camera;
 pub mod component;
@@ -21,6 +22,7 @@ pub mod perturbation;
 pub mod predictor;
 pub mod saliency;
 pub mod search;
+pub mod signals;
 pub mod simulator;
 pub mod suggest;
 pub mod testing;
@@ -40,7 +42,7 @@ pub mod prelude {
     pub use crate::component::Component;
     pub use crate::config::Config;
     pub use crate::dataset::{Dataset, Entry, Position};
-    pub use crate::describe::{Description, Geometry, Kind, Parameter, Role, Temporal};
+    pub use crate::describe::{ActsOn, Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::history::{Earlier, History};
@@ -50,6 +52,7 @@ pub mod prelude {
     pub use crate::predictor::{Output, Predictor};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
     pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
+    pub use crate::signals::{Signal, Signals};
     pub use crate::simulator::{Annotations, Camera, Scenario, Simulator, State};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut};
     pub use pdk_seed::{Key, Random};

@@ -1,13 +1,18 @@
-//! Perturbations: components that change a frame.
+//! Perturbations: components that change a frame, what the driver gets besides the frame, or what becomes of its control.
 
 use pdk_ops::warp::Affine;
 use pdk_ops::{Frame, FrameMut};
 use pdk_seed::{Key, Random};
 
+use crate::describe::ActsOn;
+use crate::driver::{Control, DriveContext};
 use crate::error::{Error, Result};
 use crate::history::History;
+use crate::signals::{Numbers, Signals};
 
-/// Changes a frame.
+/// Changes a frame: [`apply`](Perturbation::apply). One whose description [says so](crate::describe::Description::acts_on) is a fault of a
+/// device, and changes what the driver gets besides the frame, [`observe`](Perturbation::observe), or what becomes of its control,
+/// [`actuate`](Perturbation::actuate).
 ///
 /// The output depends on the source frame, the parameters, the key in the context and the earlier frames in it alone. It must not depend on
 /// which frames were computed before, so that any frame of a recording can be computed again on its own; what an
@@ -19,7 +24,28 @@ pub trait Perturbation: Send {
     ///
     /// # Errors
     /// If the frame cannot be perturbed; the run records it and goes on with the next scenario.
-    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()>;
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let _ = (src, dst, cx);
+        Err(Error::new("it does not change frames; implement `apply`"))
+    }
+
+    /// What the driver gets in place of the speed and the time in `told`. The number of the frame stays.
+    ///
+    /// # Errors
+    /// As [`Perturbation::apply`].
+    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let _ = (told, cx);
+        Err(Error::new("it does not change what the driver gets; implement `observe`"))
+    }
+
+    /// What is applied to the vehicle from this frame to the next in place of the driver's control.
+    ///
+    /// # Errors
+    /// As [`Perturbation::apply`].
+    fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        let _ = (control, cx);
+        Err(Error::new("it does not change controls; implement `actuate`"))
+    }
 
     /// Moves points as it moves the pixels of a frame of `size`, width and height, in the same context. A point is `[x, y]` in pixels, to
     /// the right and down from the centre of the first pixel, and may lie outside the frame; one that has nowhere to go becomes not a
@@ -38,6 +64,27 @@ pub trait Perturbation: Send {
     ) -> Result<()> {
         let _ = (points, way, size, cx);
         Err(Error::new("it does not say where it moves things; implement `move_points`"))
+    }
+}
+
+/// What a perturbation makes of a signal at the moment of `cx`, if that can be used: of the time and the speed that the driver gets, or of the
+/// steering and throttle of a control.
+///
+/// # Errors
+/// If it fails, or makes something of it that is not a number.
+pub fn pass(
+    instance: &mut dyn Perturbation,
+    what: ActsOn,
+    given: Numbers,
+    cx: &Context<'_>,
+) -> Result<Numbers> {
+    let [time, speed] = given;
+    match what {
+        ActsOn::Control => Ok(instance.actuate(Control::from_numbers(given), cx)?.checked()?.numbers()),
+        _ => {
+            let told = DriveContext { frame_index: cx.frame_index, time, speed };
+            Ok(instance.observe(told, cx)?.checked()?.numbers())
+        }
     }
 }
 
@@ -79,6 +126,13 @@ pub struct Context<'a> {
     pub earlier: EarlierMaps<'a>,
     /// The frames before this one, if the description asks for any.
     pub history: History<'a>,
+    /// What passed at the frames before this one, for a perturbation that acts on observations or controls.
+    pub signals: Signals<'a>,
+    /// How long a frame lasts at the camera's rate, in seconds; where it is known, as in drives.
+    pub period: Option<f64>,
+    /// How far away each pixel is along the optical axis in metres, row by row; infinite for the sky. Where the description
+    /// [asks for it](crate::describe::Description::depth_with) and it is known.
+    pub depth: Option<&'a [f32]>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
     pub(crate) stream: u64,
@@ -97,6 +151,9 @@ impl<'a> Context<'a> {
             saliency: None,
             earlier: EarlierMaps::default(),
             history: History::default(),
+            signals: Signals::default(),
+            period: None,
+            depth: None,
             key,
             stream: frame_index,
             names: &[],
@@ -119,6 +176,12 @@ impl<'a> Context<'a> {
     /// The same context with the frames before this one.
     pub fn with_history(mut self, history: History<'a>) -> Self {
         self.history = history;
+        self
+    }
+
+    /// The same context with what passed at the frames before this one.
+    pub fn with_signals(mut self, signals: Signals<'a>) -> Self {
+        self.signals = signals;
         self
     }
 

@@ -38,6 +38,8 @@ use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
 use crate::timeline::{Timeline, Told};
 
+mod signals;
+
 /// Makes an instance from parameters.
 pub type Make<'a, T> = &'a mut dyn FnMut(&Config) -> Result<Box<T>>;
 
@@ -127,7 +129,8 @@ fn ensure(holds: bool, sentence: impl FnOnce() -> String) -> Result<()> {
 }
 
 /// Checks that a perturbation works at every level and size, writes every pixel, and that its output depends on the
-/// source, the parameters and the key alone: not on the stride, on what `dst` held, or on earlier frames.
+/// source, the parameters and the key alone: not on the stride, on what `dst` held, or on earlier frames. Of one that does not act on
+/// frames, that what it passes on follows from the signals that it asks for.
 ///
 /// # Errors
 /// The first check that fails.
@@ -136,6 +139,9 @@ pub fn check_perturbation(
     config: &Config,
     make: Make<'_, dyn Perturbation>,
 ) -> Result<()> {
+    if !description.acts_on.is_frame() {
+        return signals::check(description, config, make);
+    }
     let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
     let key = Key([9; 32]);
     let mut values = Vec::new();

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
 use pdk_notice::printable;
-use pdk_record::shell;
 use pdk_sdk::error::{Error, Result};
+use pdk_terminal::shell;
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 use serde::Serialize;
 

@@ -219,6 +219,26 @@ impl Perturbation for HostPerturbation {
         // SAFETY: the points and all slices live through the call.
         call(|error| unsafe { move_points(pointer, data, length, way, width, height, &context, error) })
     }
+
+    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let Object { pointer, functions, .. } = self.0;
+        let observe = needed(functions.observe(), "observe")?;
+        let (context, told) = (perturbation_context(cx), told.raw());
+        let mut into = told;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { observe(pointer, &told, &context, &mut into, error) })?;
+        Ok(DriveContext::from_raw(into))
+    }
+
+    fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        let Object { pointer, functions, .. } = self.0;
+        let actuate = needed(functions.actuate(), "actuate")?;
+        let (context, control) = (perturbation_context(cx), control.raw());
+        let mut into = control;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { actuate(pointer, &control, &context, &mut into, error) })?;
+        Ok(Control::from_raw(into))
+    }
 }
 
 /// What a perturbation knows about a frame; its slices live as long as the context.
@@ -247,6 +267,14 @@ fn perturbation_context(cx: &Context<'_>) -> pdk_abi::PerturbationContext {
         history_times: cx.history.ring.times.as_ptr(),
         history_width: cx.history.ring.width,
         history_height: cx.history.ring.height,
+        period: cx.period.unwrap_or_default(),
+        signal_indices: cx.signals.indices.as_ptr(),
+        signals_length: cx.signals.indices.len(),
+        signal_times: cx.signals.times.as_ptr(),
+        signals_given: cx.signals.given.as_ptr().cast(),
+        signals_passed: cx.signals.passed.as_ptr().cast(),
+        depth: cx.depth.map_or(std::ptr::null(), <[f32]>::as_ptr),
+        depth_length: cx.depth.map_or(0, <[f32]>::len),
         ..empty()
     }
 }

@@ -20,6 +20,7 @@ use crate::perturbation::{Context, EarlierMaps, Perturbation};
 use crate::predictor::Predictor;
 use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
+use crate::signals::Signals;
 use crate::simulator::Simulator;
 
 /// Makes, for each kind, the table line of a component and the function of the root module that makes instances. The functions of a table
@@ -87,7 +88,9 @@ macro_rules! registrations {
 }
 
 registrations! {
-    perturbations: Perturbation, perturbation, PerturbationFunctions as PerturbationFunctionsRef { apply, move_points };
+    perturbations: Perturbation, perturbation, PerturbationFunctions as PerturbationFunctionsRef {
+        apply, move_points, observe, actuate
+    };
     simulators: Simulator, simulator, SimulatorFunctions as SimulatorFunctionsRef {
         camera, reset, frame, act, waypoints, info, label_names, labels, annotate, depth
     };
@@ -170,6 +173,32 @@ functions! { perturbations: Perturbation;
         let way = convert::read_way(way)?;
         with_context(names, context, |cx| component.move_points(points, way, [width, height], cx))
     }
+    fn observe(
+        component,
+        names,
+        told: *const pdk_abi::DriveContext,
+        context: *const pdk_abi::PerturbationContext,
+        into: *mut pdk_abi::DriveContext
+    ) {
+        let told = DriveContext::read(told);
+        with_context(names, context, |cx| {
+            store(component.observe(told, cx)?.raw(), into);
+            Ok(())
+        })
+    }
+    fn actuate(
+        component,
+        names,
+        control: *const pdk_abi::Control,
+        context: *const pdk_abi::PerturbationContext,
+        into: *mut pdk_abi::Control
+    ) {
+        let control = Control::read(control);
+        with_context(names, context, |cx| {
+            store(component.actuate(control, cx)?.raw(), into);
+            Ok(())
+        })
+    }
 }
 
 /// Calls a perturbation with the context that the host hands over.
@@ -208,6 +237,17 @@ unsafe fn with_context(
             width,
             height,
         })?;
+        let (signals, pairs) =
+            (raw.signals_length, |data: *const f64| convert::slice(data.cast(), raw.signals_length));
+        cx.signals = Signals::new(
+            convert::slice(raw.signal_indices, signals),
+            convert::slice(raw.signal_times, signals),
+            pairs(raw.signals_given),
+            pairs(raw.signals_passed),
+        )?;
+        cx.period = Some(raw.period).filter(|seconds| *seconds > 0.0);
+        let depth = convert::slice(raw.depth, raw.depth_length);
+        cx.depth = (!depth.is_empty()).then_some(depth);
         work(&cx)
     }
 }
