@@ -24,6 +24,7 @@ const PLUGINS: &[&str] = &[
     "carla",
     "color",
     "datasets",
+    "device",
     "distortion",
     "donkey",
     "imagenet_c",

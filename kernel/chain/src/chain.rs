@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use pdk_components::registry::Registry;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
-use pdk_sdk::describe::Geometry;
-use pdk_sdk::error::Result;
+use pdk_sdk::describe::{ActsOn, Geometry};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Annotations, Frame, FrameBuf, FrameMut, Way};
+use pdk_sdk::signals::Numbers;
 
 use crate::link::Link;
 use crate::moment::Moment;
@@ -16,36 +17,47 @@ use crate::selection::Selector;
 /// Perturbations applied one after the other.
 pub struct Chain {
     links: Vec<Link>,
+    /// Those that act on what the driver gets besides the frame, or on controls.
+    devices: Vec<Link>,
     /// What lies between two links.
     between: [FrameBuf; 2],
 }
 
 impl Chain {
-    /// The chain of a scenario.
-    ///
-    /// # Errors
-    /// As for [`Chain::new`].
-    pub fn of_scenario(registry: &Registry, scenario: &Scenario) -> Result<Self> {
-        Self::new(registry, &scenario.perturbations, scenario.seed)
-    }
-
-    /// Makes the instances. Each draws from a key of its own: the seed, its name, and how many of the same name come before
+    /// The chain of a drive. Each perturbation draws from a key of its own: the seed, its name, and how many of the same name come before
     /// it; so neither other perturbations nor their order change what it draws.
     ///
     /// # Errors
     /// If a perturbation does not exist or refuses its parameters.
-    pub fn new(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
-        let mut seen = BTreeMap::new();
-        let mut links = Vec::with_capacity(perturbations.len());
-        for applied in perturbations {
-            let number = seen.entry(applied.name.as_str()).or_insert(0u64);
-            links.push(Link::new(registry, applied, *number, seed)?);
-            *number += 1;
-        }
-        Ok(Self { links, between: [FrameBuf::default(), FrameBuf::default()] })
+    pub fn of_scenario(registry: &Registry, scenario: &Scenario) -> Result<Self> {
+        Self::make(registry, &scenario.perturbations, scenario.seed)
     }
 
-    /// Makes it the chain of the same perturbations at other levels, with another seed, at the beginning of a sequence. That
+    /// A chain for frames alone, which draws as that of a drive does.
+    ///
+    /// # Errors
+    /// As for [`Chain::of_scenario`], and if a perturbation does not act on frames.
+    pub fn new(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
+        let chain = Self::make(registry, perturbations, seed)?;
+        let Some(link) = chain.devices.first() else { return Ok(chain) };
+        let sentence =
+            format!("it changes {}, which there is in drives alone; leave it out", link.acts_on().text());
+        Err(Error::of(ErrorKind::Configuration, sentence).at(link.label()))
+    }
+
+    fn make(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
+        let mut seen = BTreeMap::new();
+        let (mut links, mut devices) = (Vec::with_capacity(perturbations.len()), Vec::new());
+        for applied in perturbations {
+            let number = seen.entry(applied.name.as_str()).or_insert(0u64);
+            let link = Link::new(registry, applied, *number, seed)?;
+            if link.acts_on().is_frame() { &mut links } else { &mut devices }.push(link);
+            *number += 1;
+        }
+        Ok(Self { links, devices, between: [FrameBuf::default(), FrameBuf::default()] })
+    }
+
+    /// Makes a chain for frames alone that of the same perturbations at other levels, with another seed, at the beginning of a sequence. That
     /// takes less time than to make one, because instances keep what they have prepared. `perturbations` differ in their levels
     /// alone from those that the chain was made of.
     pub fn begin_again(&mut self, perturbations: &[AppliedPerturbation], seed: u64) {
@@ -64,7 +76,7 @@ impl Chain {
         let selectors = || self.links.iter().filter_map(Link::selector);
         Annotations {
             labels: selectors().any(Selector::needs_labels),
-            depth: selectors().any(Selector::needs_depth),
+            depth: selectors().any(Selector::needs_depth) || self.links.iter().any(Link::needs_depth),
         }
     }
 
@@ -98,6 +110,15 @@ impl Chain {
         }
         let input = if earlier.is_empty() { src } else { from.as_ref() };
         last.apply(src, input, dst, moment)
+    }
+
+    /// What becomes of a signal at a moment: of what the driver gets besides the frame, or of its control. None if nothing acts on it.
+    ///
+    /// # Errors
+    /// If a perturbation fails, with its name.
+    pub fn pass(&mut self, what: ActsOn, given: Numbers, moment: &Moment<'_>) -> Result<Option<Numbers>> {
+        let links = self.devices.iter_mut().filter(|link| link.acts_on() == what);
+        links.fold(Ok(None), |passed, link| link.pass(passed?.unwrap_or(given), moment).map(Some))
     }
 
     /// Whether it moves things.

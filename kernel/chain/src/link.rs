@@ -6,11 +6,13 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
-use pdk_sdk::describe::{Description, Geometry, Kind};
+use pdk_sdk::describe::{ActsOn, Description, Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::history::Recollection;
-use pdk_sdk::prelude::{Context, Frame, FrameMut, Key, Perturbation, Way};
+use pdk_sdk::perturbation::pass;
+use pdk_sdk::prelude::{Context, Frame, FrameMut, Key, Perturbation, Signal, Way};
 use pdk_sdk::seed;
+use pdk_sdk::signals::{Numbers, Passed};
 use pdk_supervise::calls::Function;
 
 use crate::maps::Attended;
@@ -29,6 +31,8 @@ pub struct Link {
     attended: Option<Attended>,
     /// The frames that it was given before, as many as it asks for.
     history: Recollection,
+    /// The signals that it passed on, if it is a fault of a device.
+    signals: Passed,
 }
 
 /// Its parameters, and their values in a frame.
@@ -76,6 +80,14 @@ impl Link {
             )
             .at(format_args!("perturbation `{name}`")));
         }
+        let boxes = applied.during.is_some_and(|during| during.has_box());
+        let limited = boxes || applied.region.is_some() || applied.selection.is_some();
+        if limited && !description.acts_on.is_frame() {
+            let sentence =
+                "it does not change frames, so leave `region`, `where` and the box of `during` out";
+            return Err(Error::new(sentence).at(format_args!("perturbation `{name}`")));
+        }
+        let frames = if description.acts_on.is_frame() { description.history as usize } else { 0 };
         let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
         let mut held = Held::new(Kind::Perturbation, component, instance);
         held.rename(label(applied));
@@ -96,7 +108,8 @@ impl Link {
             attended: attention
                 .map(|attention| Attended::new(registry, attention, dice.key_for("attention", seed)))
                 .transpose()?,
-            history: Recollection::of(description.history as usize),
+            history: Recollection::of(frames),
+            signals: Passed::of(description.history as usize - frames),
             parameters: Parameters {
                 names: description.parameters.iter().map(|p| p.name.clone()).collect(),
                 description,
@@ -121,6 +134,42 @@ impl Link {
         if let Some(attended) = &mut self.attended {
             attended.begin_again(self.dice.key_for("attention", seed));
         }
+    }
+
+    /// What it acts on.
+    pub fn acts_on(&self) -> ActsOn {
+        self.parameters.description.acts_on
+    }
+
+    /// How it is named in errors.
+    pub fn label(&self) -> &str {
+        self.held.label()
+    }
+
+    /// Whether it is set to something for which it needs to know how far away pixels are.
+    pub fn needs_depth(&self) -> bool {
+        let Parameters { description, config, .. } = &self.parameters;
+        description.depth.as_ref().is_some_and(|choice| config.text(&choice.parameter) == choice.option)
+    }
+
+    /// What becomes of a signal.
+    ///
+    /// # Errors
+    /// If it fails, with its name.
+    pub fn pass(&mut self, given: Numbers, moment: &Moment<'_>) -> Result<Numbers> {
+        let Moment { frame_index, time, .. } = *moment;
+        let (level, key) = (self.level_of(moment), self.dice.key_of(frame_index));
+        let mut passed = given;
+        if let Some(level) = level {
+            let what = self.acts_on();
+            let cx = context((level, moment), &key, self.dice.draws, self.parameters.at(level))
+                .with_signals(self.signals.before(frame_index));
+            let function = if what == ActsOn::Control { Function::Actuate } else { Function::Observe };
+            passed =
+                self.held.call(function, Some(frame_index), |instance| pass(instance, what, given, &cx))?;
+        }
+        self.signals.keep(Signal { frame_index, time, given, passed });
+        Ok(passed)
     }
 
     /// How many frames before a frame it needs.
@@ -151,6 +200,7 @@ impl Link {
     ) -> Result<()> {
         let Moment { frame_index, .. } = *moment;
         let (level, key) = (self.level_of(moment), self.dice.key_of(frame_index));
+        let depth = moment.depth.filter(|_| self.needs_depth());
         let Limits { part, mask, selector, all } = &mut self.limits;
         let labelled = |error: Error| error.at(self.held.label());
         // Also for frames that are spared, so that a map comes from the frame whose turn it is.
@@ -164,11 +214,12 @@ impl Link {
             return Ok(());
         };
         let cx = context((level, moment), &key, self.dice.draws, self.parameters.at(level));
-        let cx = match attended {
+        let mut cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,
         }
         .with_history(self.history.before(src, frame_index));
+        cx.depth = depth;
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));
         let applied = self
@@ -306,7 +357,7 @@ fn context<'a>(
     (names, values): (&'a [String], &'a [f64]),
 ) -> Context<'a> {
     let mut cx = Context::new(level, moment.frame_index, moment.time, key).with_values(names, values);
-    cx.travelled = moment.travelled;
+    (cx.travelled, cx.period) = (moment.travelled, moment.period);
     match draws {
         Some(Draws::PerSequence) => cx.with_stream(0),
         _ => cx,

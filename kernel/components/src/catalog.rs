@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::hash;
 use crate::reading;
-use crate::suggest;
+use pdk_sdk::suggest;
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
 pub const BUILT_IN: &str = "built-in:";

@@ -9,7 +9,6 @@
 //! | [`held`] | an instance whose every call is noted |
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
-//! | [`suggest`] | the name that was probably meant |
 
 pub mod catalog;
 mod description;
@@ -24,6 +23,5 @@ pub mod product;
 mod reading;
 pub mod registry;
 pub mod search_path;
-pub mod suggest;
 
 pub use description::check as check_description;

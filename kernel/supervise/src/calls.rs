@@ -105,6 +105,10 @@ functions! {
     Drop: "drop";
     /// Where a perturbation moves points.
     MovePoints: "move_points";
+    /// What a driver gets besides the frame.
+    Observe: "observe";
+    /// What becomes of a control.
+    Actuate: "actuate";
 }
 
 /// Both processes see this.

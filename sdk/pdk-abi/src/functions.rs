@@ -177,6 +177,22 @@ pub struct PerturbationFunctions {
         context: *const PerturbationContext,
         error: *const Sink,
     ) -> Status,
+    /// Writes what the driver gets in place of what `told` says.
+    pub observe: unsafe extern "C" fn(
+        object: *mut c_void,
+        told: *const DriveContext,
+        context: *const PerturbationContext,
+        into: *mut DriveContext,
+        error: *const Sink,
+    ) -> Status,
+    /// Writes what is applied to the vehicle in place of the driver's control.
+    pub actuate: unsafe extern "C" fn(
+        object: *mut c_void,
+        control: *const Control,
+        context: *const PerturbationContext,
+        into: *mut Control,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a simulator.

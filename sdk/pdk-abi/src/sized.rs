@@ -91,6 +91,22 @@ sized! {
         pub history_width: usize,
         /// Rows of each.
         pub history_height: usize,
+        /// How long a frame lasts at the camera's rate, in seconds; 0 where it is not known.
+        pub period: f64,
+        /// The numbers of the frames before this one at which signals passed, the oldest first; null if there are none.
+        pub signal_indices: *const u64,
+        /// How many there are.
+        pub signals_length: usize,
+        /// The time of each, in seconds since the start of the sequence.
+        pub signal_times: *const f64,
+        /// What the perturbation was given at each: two numbers, steering and throttle or time and speed.
+        pub signals_given: *const f64,
+        /// What it made of them.
+        pub signals_passed: *const f64,
+        /// How far away each pixel is along the optical axis in metres, row by row; null where that is not known or not asked for.
+        pub depth: *const f32,
+        /// The number of its values.
+        pub depth_length: usize,
     }
 
     /// Size and rate of a simulator's camera.

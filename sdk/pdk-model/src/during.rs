@@ -80,6 +80,13 @@ impl During {
     }
 }
 
+impl During {
+    /// Whether it limits frames to a part of their pixels.
+    pub fn has_box(&self) -> bool {
+        self.span.area.is_some() || self.except.is_some_and(|except| except.area.is_some())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -43,6 +43,35 @@ impl Geometry {
     }
 }
 
+/// What a perturbation changes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActsOn {
+    /// Frames, by [`Perturbation::apply`](crate::perturbation::Perturbation::apply).
+    #[default]
+    Frame,
+    /// What the driver gets besides the frame, by [`Perturbation::observe`](crate::perturbation::Perturbation::observe).
+    Observation,
+    /// What becomes of the driver's control, by [`Perturbation::actuate`](crate::perturbation::Perturbation::actuate).
+    Control,
+}
+
+impl ActsOn {
+    /// Whether it changes frames, which descriptions leave unsaid.
+    pub fn is_frame(&self) -> bool {
+        *self == Self::Frame
+    }
+
+    /// What it changes, in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Frame => "the frame",
+            Self::Observation => "the speed and the time that the driver gets",
+            Self::Control => "the control on its way to the vehicle",
+        }
+    }
+}
+
 /// Whose clock a simulator goes by.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -124,6 +153,12 @@ pub struct Description {
     /// What a perturbation does to the places of things in the frame.
     #[serde(default, skip_serializing_if = "Geometry::is_undeclared")]
     pub geometry: Geometry,
+    /// What a perturbation changes.
+    #[serde(default, skip_serializing_if = "ActsOn::is_frame")]
+    pub acts_on: ActsOn,
+    /// The choice with which a perturbation needs to know how far away each pixel is; none if it never does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<Condition>,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
     /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
@@ -185,6 +220,8 @@ impl Description {
             follows_attention: String::new(),
             history: 0,
             geometry: Geometry::Undeclared,
+            acts_on: ActsOn::Frame,
+            depth: None,
             parameters: Vec::new(),
             grows_with: Map::new(),
             preferred: false,
@@ -347,7 +384,7 @@ impl Description {
     }
 
     /// Asks for this many frames before the one at hand, at most [`MOST_FRAMES`](crate::history::MOST_FRAMES): see [`crate::history`]. pdk keeps
-    /// a copy of each.
+    /// a copy of each. What does not [act on](Description::acts_on) frames gets the signals of these frames: see [`crate::signals`].
     pub fn history(mut self, frames: u32) -> Self {
         self.history = frames;
         self
@@ -375,6 +412,19 @@ impl Description {
     /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
     pub fn alters_geometry(mut self) -> Self {
         self.geometry = Geometry::Altered;
+        self
+    }
+
+    /// Says what it changes: see [`ActsOn`]. Whatever is not a frame is changed in drives alone.
+    pub fn acts_on(mut self, what: ActsOn) -> Self {
+        self.acts_on = what;
+        self
+    }
+
+    /// Asks, if the choice `parameter` is `option`, for how far away each pixel is:
+    /// [`Context::depth`](crate::perturbation::Context::depth). Simulators that do not know it are refused then.
+    pub fn depth_with(mut self, parameter: &str, option: &str) -> Self {
+        self.depth = Some(Condition { parameter: parameter.to_owned(), option: option.to_owned() });
         self
     }
 

@@ -16,6 +16,7 @@ pub mod file;
 pub mod history;
 pub mod input_files;
 mod kinds;
+pub mod signals;
 pub mod suggest;
 pub mod testing;
 pub mod timeline;
@@ -35,11 +36,12 @@ pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
 pub mod prelude {
     pub use crate::component::Component;
     pub use crate::config::Config;
-    pub use crate::describe::{Description, Geometry, Kind, Parameter, Role, Temporal};
+    pub use crate::describe::{ActsOn, Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::history::{Earlier, History};
     pub use crate::input_files::InputFiles;
     pub use crate::kinds::traits::*;
+    pub use crate::signals::{Signal, Signals};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut};
     pub use pdk_seed::{Key, Random};
 }

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use pdk_components::product::BuiltInScript;
-use pdk_components::suggest;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 
 use crate::chunk::LARGEST_SCRIPT;
 

@@ -5,7 +5,7 @@ use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 /// A table whose fields are taken.
 pub struct Fields {

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use mlua::Value as LuaValue;
 use pdk_components::product;
 use pdk_components::search_path::SearchPath;
-use pdk_components::suggest;
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_notice::eprintln;
 use pdk_record::files::recorded;
 use pdk_record::manifest::{Module, Pipeline};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::Catalog;
 use pdk_components::product;
-use pdk_components::suggest;
 use pdk_model::canonical::canonical;
 use pdk_pipeline::program::Text;
 use pdk_record::files::recorded;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 use serde_json::Value;
 
 use crate::check::check;

@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use pdk_export::junit::{self, Case, Cases, Wrong};
 use pdk_notice::printable;
-use pdk_record::shell;
 use pdk_sdk::error::Result;
+use pdk_terminal::shell;
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 
 use crate::came::Ending;

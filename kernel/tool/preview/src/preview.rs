@@ -98,7 +98,8 @@ pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Show
                 AppliedPerturbation { parameters, ..AppliedPerturbation::new(&description.name, 0.0) };
             Shown { description, applied, one_level: false }
         };
-        return Ok(usable(catalog, all).into_iter().map(shown).collect());
+        let usable = usable(catalog, all).into_iter().filter(|description| description.acts_on.is_frame());
+        return Ok(usable.map(shown).collect());
     }
     let shown = |text: &String| {
         let applied = AppliedPerturbation::parse(text)?;

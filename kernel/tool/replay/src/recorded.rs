@@ -152,12 +152,7 @@ mod tests {
     #[test]
     fn frames_that_were_skipped_are_those_that_the_trace_lacks() {
         let mut recorded = Recorded { number: 0, line: line(IDS[0]) };
-        let step = |sequence: u64| Step {
-            sequence,
-            state: State::default(),
-            control: Control::default(),
-            frame_hash: 0,
-        };
+        let step = |sequence: u64| Step { sequence, ..Step::default() };
         let steps = [0, 1, 4, 5, 7].map(step);
         assert_eq!(recorded.skips(&steps), None);
         recorded.line.scenario.mode = Mode::Realtime;

@@ -18,8 +18,14 @@ pub struct Block {
     pub rows: Range<u32>,
 }
 
-/// The sides of a block, in the order in which they move: what decides when comes before what decides where.
-const SIDES: [(usize, bool); 6] = [(0, true), (0, false), (2, true), (2, false), (1, true), (1, false)];
+/// A side of a block: its axis, and whether it is the first of the two.
+pub type Side = (usize, bool);
+
+/// The first and the last frame, which move before the sides of the box.
+pub const OF_TIME: &[Side] = &[(0, true), (0, false)];
+
+/// All sides of a block, in the order in which they move.
+pub const SIDES: &[Side] = &[(0, true), (0, false), (2, true), (2, false), (1, true), (1, false)];
 
 impl Block {
     /// The first `frames` frames, whole.
@@ -40,7 +46,7 @@ impl Block {
     }
 
     /// The same with a side moved inwards by some steps; nothing if that leaves nothing.
-    fn moved(&self, (axis, first): (usize, bool), steps: u32) -> Option<Self> {
+    fn moved(&self, (axis, first): Side, steps: u32) -> Option<Self> {
         let mut moved = self.clone();
         let range = [&mut moved.frames, &mut moved.columns, &mut moved.rows].into_iter().nth(axis)?;
         match first {
@@ -51,18 +57,22 @@ impl Block {
     }
 }
 
-/// Moves the sides of a block, for which something holds, inwards as long as it does. What comes out holds, and does not if any one of its sides is
+/// Moves these sides of a block, for which something holds, inwards as long as it does. What comes out holds, and does not if any one of its sides is
 /// one step further in. `holds` is asked about blocks that do not depend on each other at the same time.
 ///
 /// # Errors
 /// If `holds` fails.
-pub fn smallest(mut block: Block, holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>) -> Result<Block> {
-    for side in SIDES {
-        block = moved_in(block, side, 0, holds)?;
+pub fn smallest(
+    mut block: Block,
+    sides: &[Side],
+    holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
+) -> Result<Block> {
+    for side in sides {
+        block = moved_in(block, *side, 0, holds)?;
     }
     // What was needed when another side had not moved may not be any more.
     loop {
-        let steps: Vec<_> = SIDES.iter().filter_map(|&side| Some((side, block.moved(side, 1)?))).collect();
+        let steps: Vec<_> = sides.iter().filter_map(|&side| Some((side, block.moved(side, 1)?))).collect();
         let blocks: Vec<Block> = steps.iter().map(|(_, block)| block.clone()).collect();
         let held = holds(&blocks)?;
         let Some(place) = held.iter().position(|holds| *holds) else { return Ok(block) };
@@ -73,7 +83,7 @@ pub fn smallest(mut block: Block, holds: &mut dyn FnMut(&[Block]) -> Result<Vec<
 /// Moves one side as far as a search by halves finds; `known` steps are known to be possible.
 fn moved_in(
     block: Block,
-    side: (usize, bool),
+    side: Side,
     known: u32,
     holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
 ) -> Result<Block> {
@@ -125,7 +135,7 @@ mod tests {
     fn planted_causes_are_found_exactly_if_all_of_them_is_needed() {
         let mut probes = 0;
         for cause in causes() {
-            let found = smallest(Block::whole(400), &mut |blocks| {
+            let found = smallest(Block::whole(400), SIDES, &mut |blocks| {
                 probes += blocks.len();
                 Ok(blocks
                     .iter()
@@ -148,10 +158,11 @@ mod tests {
                 both * 10 >= size(&cause) * 9
             };
             let found =
-                smallest(Block::whole(400), &mut |blocks| Ok(blocks.iter().map(holds).collect())).unwrap();
+                smallest(Block::whole(400), SIDES, &mut |blocks| Ok(blocks.iter().map(holds).collect()))
+                    .unwrap();
             assert!(holds(&found));
             for side in SIDES {
-                assert!(!found.moved(side, 1).is_some_and(|smaller| holds(&smaller)), "{cause:?} {found:?}");
+                assert!(!found.moved(*side, 1).is_some_and(|smaller| holds(&smaller)), "{cause:?} {found:?}");
             }
             assert!(overlap(&found, &cause) >= 0.9, "{cause:?} {found:?}");
         }
@@ -159,7 +170,7 @@ mod tests {
 
     #[test]
     fn an_error_ends_the_search() {
-        let failed = smallest(Block::whole(9), &mut |_| Err(pdk_sdk::error::Error::new("no")));
+        let failed = smallest(Block::whole(9), SIDES, &mut |_| Err(pdk_sdk::error::Error::new("no")));
         assert_eq!(failed.unwrap_err().to_string(), "no");
     }
 }

@@ -12,12 +12,14 @@ use indicatif::ProgressBar;
 use pdk_loop::protocol::Drive;
 use pdk_model::during::{During, Span};
 use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_record::ledger::Line;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Reply, Session};
 
-use crate::smallest::{Block, GRID, smallest};
+use crate::smallest::{Block, GRID, OF_TIME, SIDES, smallest};
 
 /// A part of a drive, and the drive that proves that it matters.
 #[derive(Debug, Clone)]
@@ -90,6 +92,12 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
         )));
     }
     let (scenario, not_needed) = search.needed(scenario)?;
+    // Faults of devices have no box.
+    let of_frames = |applied: &AppliedPerturbation| {
+        let entry = search.session.catalog().get(Kind::Perturbation, &applied.name);
+        entry.is_ok_and(|entry| entry.description.acts_on.is_frame())
+    };
+    let sides = if scenario.perturbations.iter().all(of_frames) { SIDES } else { OF_TIME };
     let limited = |part: &Block, except: bool| {
         let span = span(part, interval);
         let during = match except {
@@ -104,13 +112,13 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
     let mut fails = |parts: &[Block]| {
         search.sufficient(&parts.iter().map(|part| limited(part, false)).collect::<Vec<_>>())
     };
-    let part = smallest(Block::whole(frames), &mut fails)?;
+    let part = smallest(Block::whole(frames), sides, &mut fails)?;
     let mut passes =
         |parts: &[Block]| search.necessary(&parts.iter().map(|part| limited(part, true)).collect::<Vec<_>>());
     // What suffices is often necessary as well; if it is not, there is more than one cause.
     let within = passes(std::slice::from_ref(&part))?.first() == Some(&true);
     let from = if within { part.clone() } else { Block::whole(frames) };
-    let other = smallest(from, &mut passes)?;
+    let other = smallest(from, sides, &mut passes)?;
     let mut proof = |part: Block, except| {
         let scenario = limited(&part, except);
         let outcome = search.drive(std::slice::from_ref(&scenario))?.remove(0);

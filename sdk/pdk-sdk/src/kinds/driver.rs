@@ -9,7 +9,7 @@ use crate::abi::host::call::{Object, call, collect};
 use crate::abi::plugin::call::{functions, put};
 use crate::config::Config;
 use crate::describe::Description;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::testing::sample::{Make, ensure, sample_frame};
 
 /// The name under which [`Driver::info`] gives the conventions that a driver assumes because nothing says otherwise, such as the range
@@ -48,6 +48,34 @@ pub struct DriveContext {
     pub time: f64,
     /// The vehicle's speed in metres per second; not a number where it is not known, as in a dataset.
     pub speed: f64,
+}
+
+impl DriveContext {
+    /// The names of its numbers, in the order of [`DriveContext::numbers`].
+    pub const NUMBERS: [&str; 2] = ["time", "speed"];
+
+    /// Its numbers besides that of the frame, in the order of [`DriveContext::NUMBERS`].
+    pub fn numbers(&self) -> [f64; 2] {
+        [self.time, self.speed]
+    }
+
+    /// The same, if a driver can be given it.
+    ///
+    /// # Errors
+    /// If the time is not finite, or the speed is infinite.
+    pub fn checked(self) -> Result<Self> {
+        if self.time.is_finite() && !self.speed.is_infinite() {
+            return Ok(self);
+        }
+        let Self { time, speed, .. } = self;
+        Err(Error::of(
+            ErrorKind::Nonsense,
+            format!(
+                "it gives the driver the time {time} s and the speed {speed} m/s, but the time has to be finite, and the speed finite or \
+                 not a number"
+            ),
+        ))
+    }
 }
 
 impl Default for DriveContext {

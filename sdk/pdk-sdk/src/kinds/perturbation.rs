@@ -1,21 +1,26 @@
-//! Perturbations: components that change a frame.
+//! Perturbations: components that change a frame, what the driver gets besides the frame, or what becomes of its control.
 
-use pdk_abi::{PerturbationFunctionsRef, empty, load};
+use pdk_abi::{PerturbationFunctionsRef, empty, load, store};
 use pdk_ops::affine::Affine;
 use pdk_ops::{Frame, FrameBuf, FrameMut};
 use pdk_seed::{Key, Random};
 
-use crate::abi::convert;
+use crate::abi::convert::{self, Crosses};
 use crate::abi::host::call::{Object, call, needed};
 use crate::abi::plugin::call::functions;
 use crate::config::{Config, frame_values};
-use crate::describe::{Description, LEVELS};
+use crate::describe::{ActsOn, Description, LEVELS};
 pub use crate::earlier_maps::EarlierMaps;
 use crate::error::{Error, ErrorKind, Result};
 use crate::history::{History, Recollection, Ring};
+use crate::kinds::driver::{Control, DriveContext};
+use crate::signals::{Numbers, Signals};
 use crate::testing::sample::{Make, SIZES, ensure, sample_frame};
+use crate::testing::signals;
 
-/// Changes a frame.
+/// Changes a frame: [`apply`](Perturbation::apply). One whose description [says so](crate::describe::Description::acts_on) is a fault of a
+/// device, and changes what the driver gets besides the frame, [`observe`](Perturbation::observe), or what becomes of its control,
+/// [`actuate`](Perturbation::actuate).
 ///
 /// The output depends on the source frame, the parameters, the key in the context and the earlier frames in it alone. It must not depend on
 /// which frames were computed before, so that any frame of a recording can be computed again on its own; what an
@@ -27,7 +32,28 @@ pub trait Perturbation: Send {
     ///
     /// # Errors
     /// If the frame cannot be perturbed; the run records it and goes on with the next scenario.
-    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()>;
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let _ = (src, dst, cx);
+        Err(Error::new("it does not change frames; implement `apply`"))
+    }
+
+    /// What the driver gets in place of the speed and the time in `told`. The number of the frame stays.
+    ///
+    /// # Errors
+    /// As [`Perturbation::apply`].
+    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let _ = (told, cx);
+        Err(Error::new("it does not change what the driver gets; implement `observe`"))
+    }
+
+    /// What is applied to the vehicle from this frame to the next in place of the driver's control.
+    ///
+    /// # Errors
+    /// As [`Perturbation::apply`].
+    fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        let _ = (control, cx);
+        Err(Error::new("it does not change controls; implement `actuate`"))
+    }
 
     /// Moves points as it moves the pixels of a frame of `size`, width and height, in the same context. A point is `[x, y]` in pixels, to
     /// the right and down from the centre of the first pixel, and may lie outside the frame; one that has nowhere to go becomes not a
@@ -46,6 +72,27 @@ pub trait Perturbation: Send {
     ) -> Result<()> {
         let _ = (points, way, size, cx);
         Err(Error::new("it does not say where it moves things; implement `move_points`"))
+    }
+}
+
+/// What a perturbation makes of a signal at the moment of `cx`, if that can be used: of the time and the speed that the driver gets, or of the
+/// steering and throttle of a control.
+///
+/// # Errors
+/// If it fails, or makes something of it that is not a number.
+pub fn pass(
+    instance: &mut dyn Perturbation,
+    what: ActsOn,
+    given: Numbers,
+    cx: &Context<'_>,
+) -> Result<Numbers> {
+    let [time, speed] = given;
+    match what {
+        ActsOn::Control => Ok(instance.actuate(Control::from_numbers(given), cx)?.checked()?.numbers()),
+        _ => {
+            let told = DriveContext { frame_index: cx.frame_index, time, speed };
+            Ok(instance.observe(told, cx)?.checked()?.numbers())
+        }
     }
 }
 
@@ -87,6 +134,13 @@ pub struct Context<'a> {
     pub earlier: EarlierMaps<'a>,
     /// The frames before this one, if the description asks for any.
     pub history: History<'a>,
+    /// What passed at the frames before this one, for a perturbation that acts on observations or controls.
+    pub signals: Signals<'a>,
+    /// How long a frame lasts at the camera's rate, in seconds; where it is known, as in drives.
+    pub period: Option<f64>,
+    /// How far away each pixel is along the optical axis in metres, row by row; infinite for the sky. Where the description
+    /// [asks for it](crate::describe::Description::depth_with) and it is known.
+    pub depth: Option<&'a [f32]>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
     pub(crate) stream: u64,
@@ -105,6 +159,9 @@ impl<'a> Context<'a> {
             saliency: None,
             earlier: EarlierMaps::default(),
             history: History::default(),
+            signals: Signals::default(),
+            period: None,
+            depth: None,
             key,
             stream: frame_index,
             names: &[],
@@ -127,6 +184,12 @@ impl<'a> Context<'a> {
     /// The same context with the frames before this one.
     pub fn with_history(mut self, history: History<'a>) -> Self {
         self.history = history;
+        self
+    }
+
+    /// The same context with what passed at the frames before this one.
+    pub fn with_signals(mut self, signals: Signals<'a>) -> Self {
+        self.signals = signals;
         self
     }
 
@@ -229,6 +292,32 @@ functions! { Perturbation as PerturbationFunctions:
         let way = read_way(way)?;
         with_context(names, context, |cx| component.move_points(points, way, [width, height], cx))
     }
+    fn observe(
+        component,
+        names,
+        told: *const pdk_abi::DriveContext,
+        context: *const pdk_abi::PerturbationContext,
+        into: *mut pdk_abi::DriveContext
+    ) {
+        let told = DriveContext::read(told);
+        with_context(names, context, |cx| {
+            store(component.observe(told, cx)?.raw(), into);
+            Ok(())
+        })
+    }
+    fn actuate(
+        component,
+        names,
+        control: *const pdk_abi::Control,
+        context: *const pdk_abi::PerturbationContext,
+        into: *mut pdk_abi::Control
+    ) {
+        let control = Control::read(control);
+        with_context(names, context, |cx| {
+            store(component.actuate(control, cx)?.raw(), into);
+            Ok(())
+        })
+    }
 }
 
 /// Calls a perturbation with the context that the host hands over.
@@ -267,6 +356,17 @@ unsafe fn with_context(
             width,
             height,
         })?;
+        let (signals, pairs) =
+            (raw.signals_length, |data: *const f64| convert::slice(data.cast(), raw.signals_length));
+        cx.signals = Signals::new(
+            convert::slice(raw.signal_indices, signals),
+            convert::slice(raw.signal_times, signals),
+            pairs(raw.signals_given),
+            pairs(raw.signals_passed),
+        )?;
+        cx.period = Some(raw.period).filter(|seconds| *seconds > 0.0);
+        let depth = convert::slice(raw.depth, raw.depth_length);
+        cx.depth = (!depth.is_empty()).then_some(depth);
         work(&cx)
     }
 }
@@ -303,6 +403,26 @@ impl Perturbation for Host {
         // SAFETY: the points and all slices live through the call.
         call(|error| unsafe { move_points(pointer, data, length, way, width, height, &context, error) })
     }
+
+    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let Object { pointer, functions, .. } = self.0;
+        let observe = needed(functions.observe(), "observe")?;
+        let (context, told) = (perturbation_context(cx), told.raw());
+        let mut into = told;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { observe(pointer, &told, &context, &mut into, error) })?;
+        Ok(DriveContext::from_raw(into))
+    }
+
+    fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        let Object { pointer, functions, .. } = self.0;
+        let actuate = needed(functions.actuate(), "actuate")?;
+        let (context, control) = (perturbation_context(cx), control.raw());
+        let mut into = control;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { actuate(pointer, &control, &context, &mut into, error) })?;
+        Ok(Control::from_raw(into))
+    }
 }
 
 /// What a perturbation knows about a frame; its slices live as long as the context.
@@ -331,16 +451,28 @@ fn perturbation_context(cx: &Context<'_>) -> pdk_abi::PerturbationContext {
         history_times: cx.history.ring.times.as_ptr(),
         history_width: cx.history.ring.width,
         history_height: cx.history.ring.height,
+        period: cx.period.unwrap_or_default(),
+        signal_indices: cx.signals.indices.as_ptr(),
+        signals_length: cx.signals.indices.len(),
+        signal_times: cx.signals.times.as_ptr(),
+        signals_given: cx.signals.given.as_ptr().cast(),
+        signals_passed: cx.signals.passed.as_ptr().cast(),
+        depth: cx.depth.map_or(std::ptr::null(), <[f32]>::as_ptr),
+        depth_length: cx.depth.map_or(0, <[f32]>::len),
         ..empty()
     }
 }
 
 /// Checks that a perturbation works at every level and size, writes every pixel, and that its output depends on the
-/// source, the parameters and the key alone: not on the stride, on what `dst` held, or on earlier frames.
+/// source, the parameters and the key alone: not on the stride, on what `dst` held, or on earlier frames. Of one that does not act on
+/// frames, that what it passes on follows from the signals that it asks for.
 ///
 /// # Errors
 /// The first check that fails.
 pub fn check(description: &Description, config: &Config, make: Make<'_, dyn Perturbation>) -> Result<()> {
+    if !description.acts_on.is_frame() {
+        return signals::check(description, config, make);
+    }
     let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
     let key = Key([9; 32]);
     let mut values = Vec::new();

@@ -19,6 +19,7 @@
 //! ```
 
 pub(crate) mod sample;
+pub(crate) mod signals;
 
 use pdk_abi::each_kind;
 use serde_json::{Map, Value};

@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 
 use crate::api::ApiRecord;
 use crate::failure::type_of;
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 /// Typed access to the fields of a table.
 pub(super) struct Fields<'a> {

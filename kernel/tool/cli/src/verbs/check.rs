@@ -10,13 +10,13 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use pdk_components::loader::Plugin;
-use pdk_components::suggest;
 use pdk_model::text::parse_value;
 use pdk_notice::println;
 use pdk_pipeline::settings::{Override, refuse_repeated};
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::Description;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::suggest;
 use pdk_sdk::testing;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};

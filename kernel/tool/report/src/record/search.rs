@@ -10,8 +10,8 @@ use pdk_model::scenario::Scenario;
 use pdk_model::search::{Space, label};
 use pdk_record::directory::RunDirectory;
 use pdk_record::ledger::Line;
-use pdk_record::shell;
 use pdk_sdk::error::{Place, Result};
+use pdk_terminal::shell;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 

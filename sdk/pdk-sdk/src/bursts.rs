@@ -1,15 +1,17 @@
-//! Frames that are lost in bursts.
+//! What is lost in bursts: frames, controls, readings of a sensor.
 //!
 //! At each frame a burst may begin, and it lasts a geometrically distributed number of frames. A frame is lost if it lies in any burst. This
 //! is the behaviour of the simple channel of Gilbert, in a form in which whether a frame is lost follows from the draws of the last
 //! [`LONGEST`] frames, and not from a state.
 
-use pdk_sdk::prelude::*;
+use crate::describe::{Description, Parameter};
+use crate::perturbation::Context;
 
 /// The longest burst in frames; the geometric distribution is cut there.
 pub const LONGEST: u64 = 40;
 
-/// How often and for how long frames are lost.
+/// How often and for how long frames are lost, or what comes once a frame.
+#[derive(Debug, Clone, Copy)]
 pub struct Bursts {
     /// The probability that a burst begins at a frame.
     begins: f64,
@@ -57,19 +59,14 @@ impl Bursts {
     }
 }
 
-/// The parameters of bursts, by level.
-pub fn described(description: Description, share: [f64; 5], mean: [f64; 5]) -> Description {
+/// The parameters of bursts, by level: the share of `what`, such as frames, that is lost, and how many are lost in a row.
+pub fn described(description: Description, what: &str, share: [f64; 5], mean: [f64; 5]) -> Description {
+    let in_a_row = format!("how many {what} are lost in a row, on average; never more than {LONGEST}");
     description
-        .parameter(Parameter::by_level("lost", share, "share of the frames that are lost").range(0.0, 1.0))
         .parameter(
-            Parameter::by_level(
-                "burst",
-                mean,
-                "how many frames are lost in a row, on average; never more than 40",
-            )
-            .range(1.0, LONGEST as f64)
-            .unit("frames"),
+            Parameter::by_level("lost", share, &format!("share of the {what} that are lost")).range(0.0, 1.0),
         )
+        .parameter(Parameter::by_level("burst", mean, &in_a_row).range(1.0, LONGEST as f64).unit("frames"))
 }
 
 /// The bursts that the parameters of a frame ask for.
@@ -79,6 +76,8 @@ pub fn of(cx: &Context<'_>) -> Bursts {
 
 #[cfg(test)]
 mod tests {
+    use pdk_seed::Key;
+
     use super::*;
 
     #[test]

@@ -1,6 +1,6 @@
 //! Which of a scenario's steps its telemetry is made of: one every quarter of a second, and the last.
 
-use crate::trace::step::Step;
+use pdk_record::trace::step::Step;
 
 /// Seconds of simulation time between two samples of the telemetry.
 pub const INTERVAL: f64 = 0.25;
@@ -34,13 +34,13 @@ pub fn samples(steps: &[Step]) -> Vec<Step> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::prelude::{Control, State};
+    use pdk_sdk::prelude::State;
 
     #[test]
     fn there_is_a_sample_every_quarter_of_a_second_and_at_the_end() {
         let step = |sequence: u64| {
             let state = State { time: sequence as f64 / 30.0, ..State::default() };
-            Step { sequence, state, control: Control::default(), frame_hash: 0 }
+            Step { sequence, state, ..Step::default() }
         };
         let steps: Vec<Step> = (0..32).map(step).collect();
         let frames: Vec<u64> = samples(&steps).iter().map(|step| step.sequence).collect();
