@@ -5,6 +5,7 @@
 //! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
+pub mod bursts;
 pub mod cache;
 pub mod camera;
 pub mod component;
