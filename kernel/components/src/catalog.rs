@@ -133,7 +133,7 @@ impl Catalog {
         let said = || self.of_kind(kind).filter(|entry| entry.base.is_none() && entry.description.preferred);
         said().find(|entry| entry.is_built_in()).or_else(|| said().next()).ok_or_else(|| {
             let sentence = format!(
-                "no {kind} is there that is used if none is named; name one that `pdk list {kind}` shows"
+                "there is no default {kind}; name one that `pdk list {kind}` shows"
             );
             Error::of(ErrorKind::Configuration, sentence)
         })

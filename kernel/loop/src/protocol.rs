@@ -85,7 +85,7 @@ pub enum Work {
     Drive(Box<Drive>),
     /// Evaluate frames of a dataset, one after the other.
     Evaluate(Box<EvaluateFrames>),
-    /// Make a component and say what it is like.
+    /// Make a component and describe it.
     Make(Make),
     /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
     InputFiles(Make),

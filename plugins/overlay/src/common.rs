@@ -48,7 +48,7 @@ pub fn with_motion(description: Description, ends: [&str; 3]) -> Description {
              it starts again",
         ))
         .parameter(
-            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of it where the clip follows that")
+            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's speed, what that makes of it")
                 .range(0.0, 1000.0)
                 .unit("Hz"),
         )

@@ -373,7 +373,7 @@ fn the_square_of_a_clip_lies_where_it_belongs_and_the_screen_is_gone() {
 fn a_file_that_is_not_a_clip_is_rejected_in_one_sentence() {
     assert_eq!(
         refusal("a.mp4", b"Dear diary,\ntoday"),
-        "it is a text file and no video, whatever its name says"
+        "it is a text file, not a video, whatever its name says"
     );
     assert_eq!(refusal("a.mp4", b""), "the file is empty");
     assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is not a green-screen clip: "));

@@ -63,7 +63,7 @@ impl Cells {
         self.features.iter().map(share).collect()
     }
 
-    /// Of equally near ones the first.
+    /// The nearest one, and the first of several that are equally near.
     fn nearest(&self, domain: &Domain, shares: &[f64]) -> usize {
         let mut best = (f64::INFINITY, 0);
         for (number, centre) in self.centres.iter().enumerate() {

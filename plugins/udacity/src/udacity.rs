@@ -156,7 +156,7 @@ fn not_started() -> Error {
 }
 
 impl Udacity {
-    /// The connection, made anew where there is none, or the simulator has hung up since the last scenario.
+    /// The connection, made anew where there is none, or the simulator has closed it since the last scenario.
     fn connected(&mut self, slot: u32) -> Result<Link> {
         let kept = self.link.take().filter(|link| link.server.station.slot() == slot);
         let kept = kept.and_then(|mut link| link.forget_what_came().is_ok().then_some(link));
@@ -197,7 +197,7 @@ impl Link {
         let first = self.telemetry(options, &deadline)?;
         if first.stock && options.build == Build::RoadGenerating {
             return Err(mistake(format!(
-                "{} tells nothing of roads, so it is the stock build; set build=stock, or start the road-generating one",
+                "{} does not report roads, so it is the stock build; set build=stock, or start the road-generating one",
                 self.server.peer()
             )));
         }

@@ -206,7 +206,7 @@ impl Connection {
     fn gone(&self, error: &io::Error) -> Error {
         Error::of(
             ErrorKind::Lost,
-            format!("the connection to {} is gone ({error}); look whether it still runs", self.peer),
+            format!("the connection to {} is gone ({error}); check whether it still runs", self.peer),
         )
     }
 }

@@ -92,7 +92,7 @@ macro_rules! modifiers {
 const LEVEL: Modifier = Modifier {
     name: "level",
     doc: "Its intensity: any number from 0 to 4, or a course of such numbers over time in seconds.",
-    details: "A number may also stand behind the name: `NAME@2.5`.",
+    details: "A number may also follow the name: `NAME@2.5`.",
     examples: &[
         "2.5",
         r#"{"ramp":{"from":0,"to":4,"start":2,"end":10}}"#,

@@ -1,6 +1,6 @@
 //! Writes the graph of a gradient as a file: `gradient MODEL.onnx VALUE OUT.onnx [OUTPUT [NUMBER]]`.
 //!
-//! The gradient is that of one number of an output, the first where none is named, with respect to a value of the graph: an
+//! The gradient is that of one number of an output, the first if none is named, with respect to a value of the graph: an
 //! input, or what any node computes. The file runs wherever the model runs.
 
 use std::path::Path;

@@ -135,7 +135,7 @@ pub(crate) fn axis(axis: i64, rank: usize) -> Result<usize> {
     usize::try_from(counted)
         .ok()
         .filter(|&axis| axis < rank)
-        .ok_or_else(|| Error::new(format!("its axis {axis} is none of {rank}")))
+        .ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))
 }
 
 /// The places of axes, which may be counted from the end.

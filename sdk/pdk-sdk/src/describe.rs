@@ -77,7 +77,7 @@ pub enum Geometry {
     Kept,
     /// Things move, and [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
     Moved,
-    /// Things move, or appear in further places, in a way that it cannot say.
+    /// Things move, or appear in further places, in a way that it cannot describe.
     Altered,
     /// It does not say, as plugins of before this field. Labels are not kept on trust: a user has to decide.
     #[default]
@@ -280,7 +280,7 @@ impl Description {
         self
     }
 
-    /// Says that it is the one of its kind that is used if none is named.
+    /// Makes it the default of its kind: the one that is used if none is named.
     pub fn preferred(mut self) -> Self {
         self.preferred = true;
         self
@@ -421,7 +421,7 @@ impl Description {
         self
     }
 
-    /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
+    /// Says that things move, or appear in further places, in a way that it cannot describe: see [`Geometry::Altered`].
     pub fn alters_geometry(mut self) -> Self {
         self.geometry = Geometry::Altered;
         self

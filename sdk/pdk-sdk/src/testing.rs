@@ -267,7 +267,7 @@ pub fn check_simulator(
         }
     }
     let [first, second] = &runs;
-    ensure(first[4].1.time > first[0].1.time, || "its time does not go on".to_owned())?;
+    ensure(first[4].1.time > first[0].1.time, || "its time does not advance".to_owned())?;
     ensure(first == second || !description.clock.is_stepped(), || {
         "the same scenario comes out differently the second time, which only a simulator with its own clock may do".to_owned()
     })

@@ -9,7 +9,7 @@ use crate::signs::Signs;
 /// Differences that are smaller than this are rounding: values are shares, metres and the like.
 const ROUNDING: f64 = 1e-9;
 
-/// What two conditions on the same roads differ by.
+/// The difference between two conditions on the same roads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Paired {
     /// The mean over roads of the first minus the second.

@@ -45,7 +45,7 @@ impl Process {
         limit(&mut command);
         let (sender, all_said) = channel();
         let said = Arc::new(Mutex::new(Vec::new()));
-        // From here on the program is ended on every way out.
+        // From here on every return ends the program.
         let mut process = Self { child: command.spawn()?, said, all_said };
         let (Some(output), Some(errors)) = (process.child.stdout.take(), process.child.stderr.take()) else {
             return Err(std::io::Error::other("it has no output"));

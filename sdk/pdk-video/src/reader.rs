@@ -21,7 +21,7 @@ const START_CODE: [u8; 4] = [0, 0, 0, 1];
 pub trait Input: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Input for T {}
 
-/// What became of opening a file.
+/// The result of opening a file.
 pub enum Opened {
     /// Its frames can be read.
     Frames(Box<Reader>),

@@ -1,7 +1,7 @@
 //! A pool of workers for `pdk run --pool`: it starts some workers on this machine and passes lines on between them and the
 //! session. A pool for a cluster differs in one place only, which is how it starts a worker.
 //!
-//! `pool SLOTS [PDK]`: this many processes `PDK worker`, which is the `pdk` beside this program where none is named.
+//! `pool SLOTS [PDK]`: this many processes `PDK worker`, which is the `pdk` beside this program if none is named.
 //!
 //! A worker that is lost is started anew and gets its job again; one that is lost over and over ends the pool.
 

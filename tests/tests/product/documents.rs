@@ -220,7 +220,7 @@ fn check_links(page: &Path) {
         }
         let (target, heading) = link.split_once('#').unwrap_or((link, ""));
         let file = if target.is_empty() { page.to_owned() } else { folder.join(target) };
-        assert!(file.exists(), "{} points to {target}, which is not there", page.display());
+        assert!(file.exists(), "{} points to {target}, which does not exist", page.display());
         if !heading.is_empty() {
             let there = headings(&std::fs::read_to_string(&file).unwrap());
             assert!(there.iter().any(|found| found == heading), "{}: no heading for {link}", page.display());

@@ -67,7 +67,7 @@ pub fn check_suite(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
         return Ok(());
     }
     let what = match (was.name == suite.name, was.version == suite.version) {
-        (true, true) => "its contents are others".to_owned(),
+        (true, true) => "its contents differ".to_owned(),
         (true, false) => format!("it has version {} and not {}", suite.version, was.version),
         _ => format!("it is called `{}`", suite.name),
     };
@@ -199,7 +199,7 @@ fn check_engine(catalog: &Catalog, scenario: &Scenario, settled: &[(String, Stri
         Error::of(
             ErrorKind::Configuration,
             format!(
-                "the verdict cannot be verified on this machine, whose networks are computed otherwise ({error}); use a machine with {}",
+                "the verdict cannot be verified on this machine, because it computes networks differently ({error}); use a machine with {}",
                 had.join(", ")
             ),
         )
@@ -269,7 +269,7 @@ fn changes(components: &[ComponentRecord], catalog: &Catalog) -> Vec<String> {
                 was.kind, was.name, was.version
             ));
         } else if changed {
-            changes.push(format!("the file of the {} `{}` is another", was.kind, was.name));
+            changes.push(format!("the file of the {} `{}` is a different one", was.kind, was.name));
         }
     }
     changes.dedup();
@@ -290,7 +290,7 @@ impl Settled<'_> {
     }
 }
 
-/// Drives entries again, and says which come out otherwise.
+/// Drives entries again, and says which come out differently.
 fn drive(
     session: &mut Session,
     verdict: &Verdict,

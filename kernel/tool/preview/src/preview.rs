@@ -20,7 +20,7 @@ use serde_json::{Map, Value};
 
 use crate::picture::{self, Block};
 
-/// The moment at which a perturbation is shown in seconds: those that move have begun to.
+/// The time at which a preview shows a perturbation, in seconds. Moving ones are already moving then.
 const MOMENT: f64 = 2.0;
 
 /// How much larger things become from one frame to the next where a perturbation needs earlier frames.
@@ -39,7 +39,7 @@ pub struct Options {
     pub frame_width: u32,
     /// Width of a picture, in pixels.
     pub picture_width: u32,
-    /// The saliency method whose maps stand below the pictures, where they are wanted.
+    /// The saliency method whose maps stand below the pictures, if they are wanted.
     pub maps: Option<ComponentSpec>,
 }
 

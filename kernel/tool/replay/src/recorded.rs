@@ -54,7 +54,7 @@ impl Recorded {
     }
 }
 
-/// The wanted ones of the scenarios in a ledger, in order, each once; all where none is named. A scenario is named by its number, by
+/// The wanted ones of the scenarios in a ledger, in order, each once; all if none is named. A scenario is named by its number, by
 /// its id, or by a beginning of its id that no other has. `place` is what errors call the record.
 ///
 /// # Errors

@@ -208,7 +208,7 @@ impl Search {
         }
     }
 
-    /// What functions say of the constraints: by how much each is violated, or why that cannot be said.
+    /// The constraints that are functions: by how much the candidate violates each, or why that could not be computed.
     fn violations(&self, values: &LuaValue) -> mlua::Result<Result<Vec<f64>, String>> {
         let mut violations = Vec::with_capacity(self.request.constraints.len());
         for constraint in &self.request.constraints {

@@ -40,7 +40,7 @@ pub struct Request {
     pub stop: Stop,
     /// The seed of the search; that of the run where it is left out.
     pub seed: Option<u64>,
-    /// What scenarios have where they do not say it themselves.
+    /// The defaults of scenarios.
     pub defaults: Defaults,
     /// The same as the pipeline wrote it, for levels over time.
     pub written: BTreeMap<&'static str, LuaValue>,

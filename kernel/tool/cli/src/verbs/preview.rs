@@ -110,7 +110,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         return Err(error);
     }
     let heading = format!(
-        "{}  -  levels 0 to 4 from left to right where none is named, frame {} x {}, seed {}",
+        "{}  -  levels 0 to 4 from left to right if none is named, frame {} x {}, seed {}",
         arguments.image.file_name().unwrap_or_default().to_string_lossy(),
         source.width(),
         source.height(),

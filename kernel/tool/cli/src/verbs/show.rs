@@ -79,7 +79,7 @@ fn print(component: &Entry) {
         fact("history", &format!("needs up to {} frames before the one at hand", description.history));
     }
     match description.geometry {
-        Geometry::Moved => fact("labels", "moved along, where there are any"),
+        Geometry::Moved => fact("labels", "moved along, if there are any"),
         Geometry::Altered => fact("labels", "cannot be moved along: it cannot say where it shows things"),
         Geometry::Kept | Geometry::Undeclared => {}
     }

@@ -61,7 +61,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
     let progress = pdk_terminal::progress(global.json, "{pos}/{len} drives, {eta} left");
     let verified = verify::verify(&verdict, &loaded, session, &wanted, &progress)?;
     for change in &verified.changes {
-        eprintln!("pdk: warning: since the verdict was made, {change}, so drives may come out otherwise");
+        eprintln!("pdk: warning: since the verdict was made, {change}, so drives may come out differently");
     }
     let holds = verified.refuted.is_empty();
     match global.json {
