@@ -204,7 +204,7 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
-    /// A component took the process along where that is not a job's outcome, such as when an instance was dropped; one sentence.
+    /// A component took the process along if that is not a job's outcome, such as when an instance was dropped; one sentence.
     Trouble(String),
     /// It cannot go on, and why.
     Failed(String),
@@ -370,7 +370,7 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
-    /// Of an evaluation: the number of the frame at which the process was lost, where that is known.
+    /// Of an evaluation: the number of the frame at which the process was lost, if that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<u64>,
     /// Of an evaluation: whether the driver was at work.

@@ -17,7 +17,7 @@ const BY_CONDITIONS: f64 = -1.0;
 /// The light that follows from them.
 const ANY_LIGHT: &str = "any";
 
-/// A parameter whose value follows from the conditions where it is left out.
+/// A parameter whose value follows from the conditions if it is left out.
 struct Setting {
     name: &'static str,
     doc: &'static str,

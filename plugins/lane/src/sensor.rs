@@ -8,7 +8,7 @@ use crate::simd::{padded, vectorised};
 /// How a camera is set; see the parameters of the same names.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// Standard deviation in medium grey where nothing is amplified, of 255.
+    /// Standard deviation in medium grey if nothing is amplified, of 255.
     pub noise: f64,
     /// How far exposure makes up for the brightness of a scene, from 0 to 1.
     pub exposure: f64,

@@ -38,7 +38,7 @@ pub fn with_motion(description: Description, ends: [&str; 3]) -> Description {
         .drawn_per_sequence("where in the clip it starts")
         .divergence(
             "The clip runs in simulation time, whatever the rate of the frames, and between two of its pictures both are mixed, or the nearest is \
-             shown where it has 50 a second or more; the published code goes on by one picture a frame.",
+             shown if it has 50 a second or more; the published code goes on by one picture a frame.",
         )
         .parameter(fit())
         .parameter(Parameter::choice(

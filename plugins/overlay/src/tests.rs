@@ -37,7 +37,7 @@ const SUN: &[u8] = include_bytes!("../../../scripts/overlays/sun.mp4");
 const GREEN: [u8; 4] = [0, 200, 30, 255];
 const PLAIN: Settings = Settings { key: None, fit: Fit::Cover, seconds: 30.0 };
 
-/// A recording of the test data, where there is one.
+/// A recording of the test data, if there is one.
 fn recording(name: &str) -> Option<PathBuf> {
     let data = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)
@@ -50,7 +50,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     Some(file)
 }
 
-/// The first `frames` frames of a clip of one scene, again and again where it has fewer.
+/// The first `frames` frames of a clip of one scene, again and again if it has fewer.
 fn remuxed(clip: &[u8], frames: u32) -> Vec<u8> {
     let size = clip.len() as u64;
     let Indexed::Own(index) = index(&mut Cursor::new(clip), size).unwrap() else { panic!("another codec") };

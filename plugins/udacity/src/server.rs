@@ -36,7 +36,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens, starts the simulator where that is to be done, and waits until it has connected.
+    /// Listens, starts the simulator if that is to be done, and waits until it has connected.
     ///
     /// # Errors
     /// If the port is taken, the simulator ends, or none connects in time.
@@ -89,7 +89,7 @@ impl Server {
         }
     }
 
-    /// Looks at the next packet that is of use where it has come already.
+    /// Looks at the next packet that is of use if it has come already.
     ///
     /// # Errors
     /// If the simulator is gone, or it is not a packet.

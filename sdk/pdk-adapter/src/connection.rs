@@ -134,7 +134,7 @@ impl Connection {
         }
     }
 
-    /// The length of the line at the start, where it is whole.
+    /// The length of the line at the start, if it is whole.
     fn whole_line(&mut self) -> Option<usize> {
         let there = &self.buffer[self.start..self.end];
         let found = memchr::memchr(b'\n', &there[self.searched..]).map(|place| place + self.searched);

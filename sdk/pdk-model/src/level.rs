@@ -180,7 +180,7 @@ impl Level {
         }
     }
 
-    /// The level, where it is the same all the time.
+    /// The level, if it is the same all the time.
     pub fn constant(&self) -> Option<f64> {
         match self {
             Level::Constant(level) => Some(*level),

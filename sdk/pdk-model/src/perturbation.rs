@@ -343,7 +343,7 @@ fn json(value: &impl Serialize) -> String {
 }
 
 /// The same without what users leave out: the fraction of a whole number, and the tables around a component's parameters, and around its
-/// name where it has none.
+/// name if it has none.
 fn as_written(value: Value) -> Value {
     match value {
         Value::Number(number) => match number.as_f64() {

@@ -105,7 +105,7 @@ pub struct Evaluated {
     /// Whether it shows what is searched for, such as a driver that fails.
     #[serde(default)]
     pub critical: bool,
-    /// Why there are no objectives, where there are none although it was to be evaluated.
+    /// Why there are no objectives, if there are none although it was to be evaluated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
 }

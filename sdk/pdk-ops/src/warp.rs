@@ -41,7 +41,7 @@ impl Affine {
         [a * x + b * y + c, d * x + e * y + f]
     }
 
-    /// The map back, where there is one.
+    /// The map back, if there is one.
     pub fn inverse(&self) -> Option<Self> {
         let [a, b, c, d, e, f] = self.0;
         let determinant = a * e - b * d;

@@ -11,7 +11,7 @@ use rustix::process::geteuid;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 
-/// Names the folder, where it is set.
+/// Names the folder, if it is set.
 pub const VARIABLE: &str = "PDK_CACHE";
 
 /// The folder, and why it is this one.

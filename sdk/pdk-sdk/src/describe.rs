@@ -200,7 +200,7 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
-    /// BLAKE3 of the file that it stands for, such as a network, where that is part of its library; in hexadecimal, empty for all
+    /// BLAKE3 of the file that it stands for, such as a network, if that is part of its library; in hexadecimal, empty for all
     /// others. The same file beside a pipeline is the same component.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub blake3: String,
@@ -256,7 +256,7 @@ impl Description {
         self
     }
 
-    /// Sets the version of the algorithm; 1 where it is not set.
+    /// Sets the version of the algorithm; 1 if it is not set.
     pub fn version(mut self, version: u32) -> Self {
         self.version = version;
         self

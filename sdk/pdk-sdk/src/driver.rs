@@ -39,7 +39,7 @@ pub struct DriveContext {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// The vehicle's speed in metres per second; not a number where it is not known, as in a dataset.
+    /// The vehicle's speed in metres per second; not a number if it is not known, as in a dataset.
     pub speed: f64,
 }
 

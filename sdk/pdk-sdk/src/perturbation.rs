@@ -71,9 +71,9 @@ pub struct Context<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// How far the vehicle has driven since the start of the sequence, in metres; where it is known.
+    /// How far the vehicle has driven since the start of the sequence, in metres; if it is known.
     pub travelled: Option<f64>,
-    /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; where there is a saliency map.
+    /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; if there is a saliency map.
     pub saliency: Option<&'a [f32]>,
     /// The saliency maps of the sequence so far, this frame's among them; none if there are none.
     pub earlier: EarlierMaps<'a>,

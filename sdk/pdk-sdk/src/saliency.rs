@@ -34,7 +34,7 @@ pub struct MapContext<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// The vehicle's speed in metres per second, where it is known.
+    /// The vehicle's speed in metres per second, if it is known.
     pub speed: Option<f64>,
     /// Whether the frame is of a recording and may come again, so that what took long to compute is worth keeping.
     pub recorded: bool,

@@ -9,7 +9,7 @@ use crate::error::Result;
 ///
 /// Candidates and their order depend on problem, key and results alone, never on when results come, how many come at once,
 /// or how many are asked for. So each candidate depends on the results of a certain number of candidates before it: all of the
-/// generation before, or all but the last eight, as the strategy likes. It uses no others, even where it knows them.
+/// generation before, or all but the last eight, as the strategy likes. It uses no others, even if it knows them.
 ///
 /// Results come in the order of the candidates, each once.
 pub trait Search: Send {

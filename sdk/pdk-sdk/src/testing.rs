@@ -97,7 +97,7 @@ fn for_each_config(description: &Description, mut check: impl FnMut(&Config) -> 
     }
 }
 
-/// The parameter values that a component is checked with: its examples, or its defaults where it has none.
+/// The parameter values that a component is checked with: its examples, or its defaults if it has none.
 pub fn configs(description: &Description) -> Vec<Result<Config>> {
     let defaults = Map::new();
     let examples: Vec<&Map<String, Value>> = match description.examples.is_empty() {
@@ -235,7 +235,7 @@ pub fn check_driver(config: &Config, make: Make<'_, dyn Driver>) -> Result<()> {
 }
 
 /// Checks that a simulator renders, moves, returns after each step the state that the next frame has, and does the same again
-/// after a reset; the last not where it has its own clock. One that is a program of its own has to be there.
+/// after a reset; the last not if it has its own clock. One that is a program of its own has to be there.
 ///
 /// # Errors
 /// The first check that fails.

@@ -56,7 +56,7 @@ impl Process {
         Ok((process, BufReader::new(Patient { output, patience: PATIENCE })))
     }
 
-    /// Waits for the end of a program whose output has ended, and ends it where it does not come. Returns whether it ended
+    /// Waits for the end of a program whose output has ended, and ends it if it does not come. Returns whether it ended
     /// well, and the last of what it said.
     pub fn finish(&mut self) -> (bool, String) {
         let begin = Instant::now();

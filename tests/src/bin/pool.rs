@@ -17,7 +17,7 @@ type Result<T> = std::result::Result<T, String>;
 /// How often a worker is started for one job.
 const TRIES: u32 = 3;
 
-/// A line of the session, where there is no slot, or of the worker of a slot; no line at its end.
+/// A line of the session, if there is no slot, or of the worker of a slot; no line at its end.
 type Event = (Option<usize>, Option<String>);
 
 struct Worker {

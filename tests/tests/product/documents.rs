@@ -248,7 +248,7 @@ fn headings(text: &str) -> Vec<String> {
 #[test]
 fn the_failures_in_the_documents_fail() {
     let folder = temp();
-    // `auto` is ONNX Runtime where it is installed.
+    // `auto` is ONNX Runtime if it is installed.
     for engine in ["tract", "auto"] {
         for name in ["fog_filter", "grayscale_filter", "false_color_filter"] {
             let out = folder.path().join(format!("{name}-{engine}"));

@@ -34,7 +34,7 @@ pub(crate) fn is_meant(table: &Table) -> Result<bool> {
     Ok(!field("apply")?.is_nil() || !field("mask")?.is_nil() || matches!(field("doc")?, Value::String(_)))
 }
 
-/// Checks what a script returned. `stem` is the name it has where it gives none.
+/// Checks what a script returned. `stem` is the name it has if it gives none.
 ///
 /// # Errors
 /// Names the field that is missing, unknown or of the wrong type.

@@ -46,7 +46,7 @@ pub fn from_program(value: Value) -> Value {
     }
 }
 
-/// A number without a fraction, where it is exact as a whole one. A minus before a zero is of no use to anybody.
+/// A number without a fraction, if it is exact as a whole one. A minus before a zero is of no use to anybody.
 fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE).then_some(value as i64)
 }

@@ -291,7 +291,7 @@ mod tests {
         assert_eq!(levels("fog"), all);
         assert_eq!(levels("fog,probability=0.5"), all);
         assert_eq!(levels("fog@2"), [Some(2.0)]);
-        // Also where it is the one that would be taken without a name.
+        // Also if it is the one that would be taken without a name.
         assert_eq!(levels(&format!("frost@{}", pdk_model::level::DEFAULT_LEVEL)).len(), 1);
         assert_eq!(levels("fog,level=3,probability=0.5"), [Some(3.0)]);
         let error = chosen(&catalog(), &["fok".to_owned()], false).err().unwrap();

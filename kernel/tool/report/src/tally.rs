@@ -89,7 +89,7 @@ impl Tally {
         tally
     }
 
-    /// The share of all drives that failed; 0 where nothing is known.
+    /// The share of all drives that failed; 0 if nothing is known.
     pub fn share_of_drives(&self) -> f64 {
         self.failed as f64 / self.judged.max(1) as f64
     }

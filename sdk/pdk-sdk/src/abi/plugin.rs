@@ -78,7 +78,7 @@ unsafe fn put(into: *const Sink, text: &str) {
     unsafe { pdk_abi::load(into, pdk_abi::empty()).put(text.as_bytes()) };
 }
 
-/// Ends a call: where it failed, with its sentence.
+/// Ends a call: if it failed, with its sentence.
 ///
 /// # Safety
 /// The sink is that of a call in progress.

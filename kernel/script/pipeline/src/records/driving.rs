@@ -37,7 +37,7 @@ pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
             "over_line",
             "number?",
             "The absolute cross-track error in metres at which a wheel is over the line, which is measured and ends nothing. 1.1 \
-             where it is left out: a vehicle 1.8 m wide in a lane of 4 m.",
+             if it is left out: a vehicle 1.8 m wide in a lane of 4 m.",
         ),
     ],
 };

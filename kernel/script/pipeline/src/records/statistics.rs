@@ -66,7 +66,7 @@ pub(super) const FAILING_LEVEL: ApiRecord = ApiRecord {
         field(
             "level",
             "number?",
-            "The level: the lowest that was driven where it is reached there already, nothing if it is not reached up to the \
+            "The level: the lowest that was driven if it is reached there already, nothing if it is not reached up to the \
              highest.",
         ),
         field(

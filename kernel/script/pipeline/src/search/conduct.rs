@@ -169,7 +169,7 @@ impl Search {
         Ok(any)
     }
 
-    /// Takes in a candidate, and begins to evaluate it where it is new.
+    /// Takes in a candidate, and begins to evaluate it if it is new.
     fn take(&mut self, lua: &Lua, candidate: Candidate) -> mlua::Result<()> {
         let values = candidate.values.clone();
         let Admitted::New = self.trials.admit(candidate).map_err(ExternalError::into_lua_err)? else {

@@ -38,7 +38,7 @@ pub struct Request {
     pub outcome: Option<Function>,
     /// When to stop.
     pub stop: Stop,
-    /// The seed of the search; that of the run where it is left out.
+    /// The seed of the search; that of the run if it is left out.
     pub seed: Option<u64>,
     /// The defaults of scenarios.
     pub defaults: Defaults,

@@ -21,7 +21,7 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// The image
     image: PathBuf,
-    /// Only this perturbation, at this level alone where it has one; may be given several times [default: the default set and your clips]
+    /// Only this perturbation, at this level alone if it has one; may be given several times [default: the default set and your clips]
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...")]
     perturbations: Vec<String>,
     /// Also the perturbations that are not in the default set
