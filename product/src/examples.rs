@@ -153,7 +153,7 @@ pub const EXAMPLES: &[Examples] = &[
     (
         "doctor",
         &[
-            ("pdk doctor", "whether all is there"),
+            ("pdk doctor", "whether everything that pdk needs is there"),
             ("pdk doctor --simulator carla", "whether a simulator can be reached"),
         ],
     ),

@@ -269,7 +269,7 @@ impl Link {
             Geometry::Moved => {
                 "it moves things in a part of the frame only, so that it is not known where they are"
             }
-            Geometry::Altered => "it changes where things are in a way that it cannot say",
+            Geometry::Altered => "it moves things in a way that it cannot describe",
             Geometry::Undeclared => "it does not say whether it changes where things are",
         };
         Err(Error::new(sentence).at(self.held.label()))

@@ -1,4 +1,4 @@
-//! How much of each pixel a perturbation changes, where it is limited to a region.
+//! How much of each pixel a perturbation changes, if it is limited to a region.
 
 use image::imageops::{FilterType, resize};
 use image::{GrayImage, Luma};

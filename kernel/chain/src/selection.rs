@@ -151,7 +151,7 @@ fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize, weights: &mut V
     let (Choice::Between(least, most), Some(depth)) = (choice, depth.filter(|depth| depth.len() == pixels))
     else {
         return Err(Error::new(
-            "`nearer` and `farther` need a simulator that tells how far away pixels are, and these frames come without; use a mask instead",
+            "`nearer` and `farther` need a simulator that reports how far away pixels are, and these frames come without; use a mask instead",
         ));
     };
     let range = least as f32..=most as f32;
@@ -170,7 +170,7 @@ fn labelled(
     let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
     else {
         return wrong(
-            "`label` needs a simulator that says what its pixels show, and these frames come without; use a mask instead".to_owned(),
+            "`label` needs a simulator that labels its pixels, and these frames come without; use a mask instead".to_owned(),
         );
     };
     let mut wanted = [0; 256];

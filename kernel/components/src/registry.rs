@@ -354,7 +354,7 @@ impl Registry {
         Ok(())
     }
 
-    /// Adds the component in a script; false where it has none.
+    /// Adds the component in a script; false if it has none.
     fn add_script(&mut self, file: &Path) -> Result<bool> {
         let Some(file) = self.first_look(file) else { return Ok(true) };
         let name = format!("script {}", file.display());

@@ -53,7 +53,7 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// An engine for the run that says hello; `environment` is that from before components were loaded.
+    /// An engine for the run that sent `hello`. `environment` is the process's environment before components were loaded.
     pub fn new(registry: &'a Registry, hello: &Hello, environment: Environment) -> Self {
         Self {
             registry,

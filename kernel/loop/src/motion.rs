@@ -11,7 +11,7 @@ use crate::fault::Fault;
 use crate::way::Way;
 
 /// A simulator may deliver this many times the frames that its rate and the time limit make, and this many more; a scenario
-/// whose time does not go on would never end.
+/// whose time does not advance would never end.
 const PATIENT_FACTOR: u64 = 10;
 const PATIENT_FRAMES: u64 = 1000;
 
@@ -73,7 +73,7 @@ impl Motion {
             return Err(nonsense(Error::of(
                 ErrorKind::Nonsense,
                 format!(
-                    "after {} frames it says that {} s have passed of {} s, so its time does not go on",
+                    "after {} frames it says that {} s have passed of {} s, so its time does not advance",
                     self.limit, state.time, self.duration
                 ),
             )));

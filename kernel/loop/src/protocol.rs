@@ -90,7 +90,7 @@ pub enum Work {
     Drive(Box<Drive>),
     /// Evaluate frames of a dataset, one after the other.
     Evaluate(Box<EvaluateFrames>),
-    /// Make a component and say what it is like.
+    /// Make a component and describe it.
     Make(Make),
     /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
     InputFiles(Make),
@@ -221,7 +221,7 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
-    /// A component took the process along where that is not a job's outcome, such as when an instance was dropped; one sentence.
+    /// A component took the process along if that is not a job's outcome, such as when an instance was dropped; one sentence.
     Trouble(String),
     /// It cannot go on, and why.
     Failed(String),
@@ -400,7 +400,7 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
-    /// Of an evaluation: the number of the frame at which the process was lost, where that is known.
+    /// Of an evaluation: the number of the frame at which the process was lost, if that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<u64>,
     /// Of an evaluation: whether the driver was at work.

@@ -244,7 +244,7 @@ impl Connection {
         }
     }
 
-    /// Takes the slot out that does this job; its number, where there is one.
+    /// Takes the slot out that does this job; its number, if there is one.
     pub fn take_out(&mut self, job: u64) -> Option<u32> {
         let slots = self.slots.as_mut()?;
         let place = slots.iter().position(|slot| *slot == Slot::Busy(job))?;
@@ -271,7 +271,7 @@ impl Connection {
         self.input = None;
     }
 
-    /// Waits until it has left, and ends it where it does not. How it ended by itself; none if it did not.
+    /// Waits until it has left, and ends it if it does not. How it ended by itself; none if it did not.
     pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let until = Instant::now() + limit;
         loop {

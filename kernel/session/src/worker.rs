@@ -326,7 +326,7 @@ impl Worker {
         let remedy = match end {
             End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
             End::Memory(_) => " (the limit is raised with --set memory=MIB)",
-            End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
+            End::Signal(libc::SIGKILL) => " (killed from outside, or because memory ran out)",
             End::Signal(signal) if is_from_outside(*signal) => " (from outside)",
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"

@@ -257,7 +257,7 @@ pub struct Seen {
     pub name: String,
     /// The function.
     pub function: Function,
-    /// The frame, where it is called for one.
+    /// The frame, if it is called for one.
     pub frame: Option<u64>,
     /// For how long.
     pub lasting: Duration,

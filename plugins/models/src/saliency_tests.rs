@@ -1,4 +1,4 @@
-//! Tests of the methods on small networks whose answer is known, and on the real one where it is at hand.
+//! Tests of the methods on small networks whose answer is known, and on the real one if it is at hand.
 
 use std::time::Instant;
 

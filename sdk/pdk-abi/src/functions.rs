@@ -212,7 +212,7 @@ pub struct SimulatorFunctions {
         into: *mut State,
         error: *const Sink,
     ) -> Status,
-    /// Writes what the camera sees now, and tells the state that belongs to it.
+    /// Writes what the camera sees now, and returns the state that belongs to it.
     pub frame: unsafe extern "C" fn(
         object: *mut c_void,
         target: *const FrameMut,

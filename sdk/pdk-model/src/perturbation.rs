@@ -93,7 +93,7 @@ macro_rules! modifiers {
 const LEVEL: Modifier = Modifier {
     name: "level",
     doc: "Its intensity: any number from 0 to 4, or a course of such numbers over time in seconds.",
-    details: "A number may also stand behind the name: `NAME@2.5`.",
+    details: "A number may also follow the name: `NAME@2.5`.",
     examples: &[
         "2.5",
         r#"{"ramp":{"from":0,"to":4,"start":2,"end":10}}"#,
@@ -355,7 +355,7 @@ fn json(value: &impl Serialize) -> String {
 }
 
 /// The same without what users leave out: the fraction of a whole number, and the tables around a component's parameters, and around its
-/// name where it has none.
+/// name if it has none.
 fn as_written(value: Value) -> Value {
     match value {
         Value::Number(number) => match number.as_f64() {

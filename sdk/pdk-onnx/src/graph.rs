@@ -103,7 +103,7 @@ impl Graph {
                 (Ok(facts), _) if place < facts.len() => Ok(facts[place].clone()),
                 (_, Some(declared)) => Ok(declared.clone()),
                 (Err(error), None) => Err(error.clone()),
-                (Ok(_), None) => Err(Error::new(format!("{} has an output too many", describe(&node)))),
+                (Ok(_), None) => Err(Error::new(format!("{} has one output too many", describe(&node)))),
             };
             self.values.define(output, Value { fact, constant: None, source })?;
         }

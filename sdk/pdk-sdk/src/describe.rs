@@ -28,7 +28,7 @@ pub enum Geometry {
     Kept,
     /// Things move, and [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
     Moved,
-    /// Things move, or appear in further places, in a way that it cannot say.
+    /// Things move, or appear in further places, in a way that it cannot describe.
     Altered,
     /// It does not say, as plugins of before this field. Labels are not kept on trust: a user has to decide.
     #[default]
@@ -186,7 +186,7 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
-    /// BLAKE3 of the file that it stands for, such as a network, where that is part of its library; in hexadecimal, empty for all
+    /// BLAKE3 of the file that it stands for, such as a network, if that is part of its library; in hexadecimal, empty for all
     /// others. The same file beside a pipeline is the same component.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub blake3: String,
@@ -244,7 +244,7 @@ impl Description {
         self
     }
 
-    /// Sets the version of the algorithm; 1 where it is not set.
+    /// Sets the version of the algorithm; 1 if it is not set.
     pub fn version(mut self, version: u32) -> Self {
         self.version = version;
         self
@@ -268,7 +268,7 @@ impl Description {
         self
     }
 
-    /// Says that it is the one of its kind that is used if none is named.
+    /// Makes it the default of its kind: the one that is used if none is named.
     pub fn preferred(mut self) -> Self {
         self.preferred = true;
         self
@@ -409,7 +409,7 @@ impl Description {
         self
     }
 
-    /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
+    /// Says that things move, or appear in further places, in a way that it cannot describe: see [`Geometry::Altered`].
     pub fn alters_geometry(mut self) -> Self {
         self.geometry = Geometry::Altered;
         self

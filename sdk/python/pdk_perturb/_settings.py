@@ -39,7 +39,7 @@ class RunSettings(TypedDict, total=False):
 
 
 class SessionSettings(RunSettings, total=False):
-    """What can be set for a session: also what its scenarios have if they do not say it themselves."""
+    """The settings of a session, which include the defaults of its scenarios."""
 
     #: The simulator.
     simulator: str | Mapping[str, Any] | None

@@ -37,7 +37,7 @@ struct LaterControl {
     horn: f64,
 }
 
-/// What a driver knows, with a field more.
+/// The context of a driver, with one more field.
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct LaterContext {

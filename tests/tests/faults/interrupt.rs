@@ -223,7 +223,7 @@ fn what_is_dropped_keeps_what_an_earlier_process_recorded() {
         assert_eq!(code, Some(143), "{said:?}");
         assert_eq!(is_whole(&out), 1);
         let mut found = files(&out);
-        // It holds what this process came to.
+        // It holds the results of this process.
         found.remove(Path::new("summary.json"));
         match &expected {
             None => expected = Some(found),

@@ -63,7 +63,7 @@ const ENDS: [(&str, &str, &str); 6] = [
     ("segfault", "lost", "was ended by signal 11 (SIGSEGV, memory that it may not use)"),
     ("exit", "lost", "ended the process with exit code 0 (a component has to return an error"),
     ("quit", "lost", "ended the process with exit code 0 (a component has to return an error"),
-    ("kill", "lost", "was ended by signal 9 (SIGKILL) (killed from outside, or for want of memory)"),
+    ("kill", "lost", "was ended by signal 9 (SIGKILL) (killed from outside, or because memory ran out)"),
 ];
 
 /// These ways in every function.

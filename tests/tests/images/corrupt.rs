@@ -395,6 +395,19 @@ fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
 }
 
 #[test]
+fn a_recording_without_pictures_of_its_own_is_refused_for_its_own_reason() {
+    let folder = temp();
+    fs::create_dir_all(folder.path().join("old/meta")).unwrap();
+    let info = json!({"fps": 10, "codebase_version": "v1.6", "features": {"cam": {"dtype": "video"}}});
+    fs::write(folder.path().join("old/meta/info.json"), info.to_string()).unwrap();
+    let with = ["--with", "fog_filter@1"];
+    corrupt(folder.path(), "old", &with, "out")
+        .fail(1, &["version `1.6`", "READER,path=DIR,PARAMETER=VALUE"]);
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    corrupt(folder.path(), "empty", &with, "out").fail(1, &["`empty` has no pictures", "pdk list dataset"]);
+}
+
+#[test]
 fn cameras_to_the_left_and_right_change_places_in_a_mirror() {
     let folder = temp();
     fs::write(folder.path().join("mirror.lua"), MIRROR).unwrap();

@@ -297,7 +297,7 @@ fn a_state_that_cannot_be_is_the_outcome_of_its_scenario() {
     }
 }
 
-/// The right to a port is noted there. That it cannot be says nothing about a scenario.
+/// The lock of a port is a file there. If it cannot be written, that says nothing about a scenario.
 #[test]
 fn a_cache_that_cannot_be_written_ends_the_run() {
     let port = free_ports(1);

@@ -39,7 +39,7 @@ const LOOK: Duration = Duration::from_millis(100);
 enum Call {
     /// `pdk.settings`.
     Settings(Unique),
-    /// What scenarios have from here on where they do not say it, as `pdk.session` takes it.
+    /// What scenarios have from here on if they do not say it, as `pdk.session` takes it.
     Defaults(Unique),
     /// Submits scenarios; returns a ticket for each.
     Submit(Vec<Unique>),

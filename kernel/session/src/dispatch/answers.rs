@@ -100,7 +100,7 @@ impl Dispatch {
                     };
                     return Err(Error::of(ErrorKind::Lost, sentence));
                 }
-                // Later ones are started where there is work for them.
+                // Later ones are started when there is work for them.
                 if introduce.is_some() { self.workers.connect() } else { Ok(()) }
             }
         }
@@ -206,7 +206,7 @@ impl Dispatch {
             let waited = connection.opened.elapsed().as_secs();
             return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
         }
-        self.lost(&connection, "it said nothing any more")
+        self.lost(&connection, "it stopped responding")
     }
 }
 

@@ -47,7 +47,7 @@ struct Folder<'a> {
 }
 
 impl Folder<'_> {
-    /// The place of a file, in a folder that is there.
+    /// The path of a file, in a folder that exists.
     fn place(&mut self, name: &str) -> Result<PathBuf> {
         let path = self.path.join(name);
         if let Some(parent) = path.parent() {

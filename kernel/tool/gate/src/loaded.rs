@@ -45,7 +45,7 @@ impl Loaded {
             let known = suites.iter().map(|suite| suite.name);
             let suite = suites.iter().find(|suite| suite.name == named).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no suite `{named}`, and a file is named with its ending, as in {named}.{ENDING}; {}",
+                    "there is no built-in suite `{named}`; to use a file, write its ending, as in {named}.{ENDING}; {}",
                     suggest::hint(named, known)
                 ))
             })?;

@@ -243,7 +243,7 @@ impl Verdict {
                     was.kind, was.name, was.version
                 ));
             } else if changed {
-                changes.push(format!("the file of the {} `{}` is another", was.kind, was.name));
+                changes.push(format!("the file of the {} `{}` is a different one", was.kind, was.name));
             }
         }
         changes.dedup();

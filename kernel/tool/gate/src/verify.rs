@@ -69,7 +69,7 @@ pub fn check_suite(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
         return Ok(());
     }
     let what = match (was.name == suite.name, was.version == suite.version) {
-        (true, true) => "its contents are others".to_owned(),
+        (true, true) => "its contents differ".to_owned(),
         (true, false) => format!("it has version {} and not {}", suite.version, was.version),
         _ => format!("it is called `{}`", suite.name),
     };
@@ -231,7 +231,7 @@ fn check_engine(catalog: &Catalog, scenario: &Scenario, settled: &[(String, Stri
         Error::of(
             ErrorKind::Configuration,
             format!(
-                "the verdict cannot be verified on this machine, whose networks are computed otherwise ({error}); use a machine with {}",
+                "the verdict cannot be verified on this machine, because it computes networks differently ({error}); use a machine with {}",
                 had.join(", ")
             ),
         )

@@ -51,7 +51,7 @@ pub struct Replayed {
 }
 
 impl Replay {
-    /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; where it is empty, all are wanted.
+    /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; if it is empty, all are wanted.
     ///
     /// # Errors
     /// If the folder holds no scenarios of the closed loop, is damaged, or has no wanted scenario.

@@ -197,7 +197,7 @@ impl Shrinking<'_> {
         Ok(fails)
     }
 
-    /// Cuts the road off behind and before the failure, and makes what is left straight where that changes nothing. Only roads of
+    /// Cuts the road off behind and before the failure, and makes what is left straight if that changes nothing. Only roads of
     /// angles can be simplified.
     fn road(&mut self) -> Result<()> {
         let Some(mut angles) = self.angles() else { return Ok(()) };

@@ -82,7 +82,7 @@ fn infer_reshape(site: &Site<'_>) -> Result<Vec<Fact>> {
     for (place, &dim) in asked.iter().enumerate() {
         shape.push(match dim {
             0 if !keeps_zeros => {
-                *fact.shape.get(place).ok_or_else(|| Error::new("it copies an axis that is not there"))?
+                *fact.shape.get(place).ok_or_else(|| Error::new("it copies an axis that does not exist"))?
             }
             -1 => 1,
             dim => {
@@ -106,7 +106,7 @@ fn infer_flatten(site: &Site<'_>) -> Result<Vec<Fact>> {
     let axis = site.int("axis", 1);
     let at = if axis < 0 { axis + rank } else { axis };
     let at = usize::try_from(at).ok().filter(|&at| at <= fact.shape.len());
-    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is none of {rank}")))?;
+    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))?;
     let (rows, columns) = fact.shape.split_at(at);
     Ok(vec![Fact::new(fact.element, vec![rows.iter().product(), columns.iter().product()])])
 }

@@ -19,7 +19,7 @@ pub const OPERATORS: &[Operator] = &[
 fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
     if shape.len() < 2 || site.shape(1)? != [shape[1]] {
-        return Err(Error::new("it has not one factor for each channel"));
+        return Err(Error::new("it does not have one factor for each channel"));
     }
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
 }
@@ -47,7 +47,9 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
         return Err(Error::new("it is set to training; export the model for inference"));
     }
     if site.int("spatial", 1) == 0 {
-        return Err(Error::new("it has factors for each pixel, which no version since has"));
+        return Err(Error::new(
+            "it has factors for each pixel, which later versions of this operator do not have",
+        ));
     }
     let variance = b.offset(site.input(4)?, epsilon(site))?;
     let deviation = b.unary("Sqrt", &variance)?;

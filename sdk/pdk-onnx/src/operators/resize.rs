@@ -48,7 +48,7 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
             (None, None) => (1.0, length),
         };
         if !(scale > 0.0 && (1.0..=1e9).contains(&size)) {
-            return Err(Error::new(format!("it brings an axis of {length} to {size}")));
+            return Err(Error::new(format!("it resizes an axis of {length} to {size}")));
         }
         all[axis] = (scale, size as usize);
     }

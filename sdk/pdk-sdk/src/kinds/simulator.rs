@@ -112,7 +112,7 @@ pub trait Simulator: Send {
 /// The error of a simulator that does not know depths.
 fn no_depth() -> Error {
     Error::new(
-        "it does not tell how far away pixels are, which `nearer` and `farther` need; use a simulator that does",
+        "it does not report how far away pixels are, which `nearer` and `farther` need; use a simulator that does",
     )
 }
 
@@ -387,7 +387,7 @@ pub fn check(description: &Description, config: &Config, make: Make<'_, dyn Simu
         }
     }
     let [first, second] = &runs;
-    ensure(first[4].1.time > first[0].1.time, || "its time does not go on".to_owned())?;
+    ensure(first[4].1.time > first[0].1.time, || "its time does not advance".to_owned())?;
     ensure(first == second || !description.clock.is_stepped(), || {
         "the same scenario comes out differently the second time, which only a simulator with its own clock may do".to_owned()
     })

@@ -79,7 +79,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 /// Watches a process that checks the components of the plugin from check number `skipped` on. Returns how many checks
-/// it began where it did not come to its end, and where there may be more.
+/// it began if it did not come to its end, and where there may be more.
 fn observe(
     arguments: &Arguments,
     patience: Duration,

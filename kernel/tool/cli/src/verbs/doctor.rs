@@ -129,7 +129,7 @@ fn libraries() -> Finding {
     finding("libraries", place)
 }
 
-/// What is good where it is there and bad where it is an error.
+/// What is good if it is there and bad if it is an error.
 fn finding(subject: &'static str, found: Result<String>) -> Finding {
     match found {
         Ok(text) => Finding { subject, state: State::Good, text },

@@ -153,7 +153,7 @@ impl Script<'_> {
         Ok(())
     }
 
-    /// Every frame of a sequence is what it is alone; where it is not, what the script keeps is named.
+    /// Every frame of a sequence is what it is alone; if it is not, what the script keeps is named.
     fn sequence(&self) -> Result<()> {
         let mut script = self.make()?;
         // Every frame shows something else, so that one that holds a part of an earlier one is found.
