@@ -72,7 +72,6 @@ fn sample(acts_on: ActsOn, frame_index: u64) -> Numbers {
 mod tests {
     use super::*;
     use crate::driver::{Control, DriveContext};
-    use crate::perturbation::check;
 
     /// Breaks one rule, as told.
     struct Rogue(&'static str, f64);
@@ -101,7 +100,8 @@ mod tests {
     fn check(rule: &'static str, acts_on: ActsOn) -> std::result::Result<(), String> {
         let description = Description::perturbation("rogue", "Breaks a rule").acts_on(acts_on).history(2);
         let mut make = |_: &Config| Ok(Box::new(Rogue(rule, 0.0)) as Box<dyn Perturbation>);
-        check(&description, &Config::default(), &mut make).map_err(|error| error.to_string())
+        crate::perturbation::check(&description, &Config::default(), &mut make)
+            .map_err(|error| error.to_string())
     }
 
     #[test]
