@@ -5,6 +5,7 @@
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, pipeline};
@@ -117,12 +118,14 @@ fn clients_that_poll_first_are_driven() {
 #[test]
 fn a_silent_client_blocks_no_other() {
     let port = free_ports(1);
+    let (there, come) = mpsc::channel();
     let silent = std::thread::spawn(move || {
         let mut kept = Vec::new();
         comes_true(LIMIT, || {
             kept.extend(TcpStream::connect(("127.0.0.1", port)).ok());
             kept.len() == 3
         });
+        there.send(()).unwrap();
         for byte in b"GET /slow" {
             for stream in &mut kept[..1] {
                 let _ = stream.write_all(&[*byte]);
@@ -131,9 +134,9 @@ fn a_silent_client_blocks_no_other() {
         }
         kept
     });
-    // It comes a second behind them.
+    // It comes behind them.
     let stand_in = std::thread::spawn(move || {
-        std::thread::sleep(Duration::from_secs(1));
+        come.recv().unwrap();
         StandIn::start("udacity", port, &["--rate", "40"])
     });
     let mut simulator = simulator(port);
