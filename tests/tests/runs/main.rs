@@ -4,6 +4,7 @@
 
 mod closed_loop;
 mod decide;
+mod devices;
 mod examples;
 mod gate;
 mod pipelines;
