@@ -6,6 +6,7 @@ mod closed_loop;
 mod decide;
 mod examples;
 mod gate;
+mod gate_recordings;
 mod pipelines;
 mod pool;
 mod search;
