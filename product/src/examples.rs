@@ -23,6 +23,10 @@ pub const EXAMPLES: &[Examples] = &[
                 "pdk gate runs/standard-1 pilot.onnx --suite standard --markdown verdict.md --junit verdict.xml",
                 "a network of your own against the driver that passed the last gate, for continuous integration",
             ),
+            (
+                "pdk gate old.onnx new.onnx --suite route.toml",
+                "two networks on the frames of a recording, which route.toml names in a [[recording]]",
+            ),
         ],
     ),
     (
@@ -32,6 +36,10 @@ pub const EXAMPLES: &[Examples] = &[
             (
                 "pdk verify verdict.json --probes 200 --draw unforeseen",
                 "more drives, which the maker of the verdict could not foresee",
+            ),
+            (
+                "pdk verify runs/route-1 --scenario 1ef88c9d9b53454cf9e0f191320c2799",
+                "one block of a recording that the new driver fails, again",
             ),
         ],
     ),

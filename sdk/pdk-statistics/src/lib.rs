@@ -17,6 +17,7 @@
 //! | [`anytime`] | a mean of which one may look at the bounds as often as one likes |
 //! | [`independent`] | differences between two samples that have nothing to do with each other |
 //! | [`all_pairs`] | differences between all pairs of several conditions, with one error rate for all of them |
+//! | [`repeats`] | drives of the same scenario that come out differently, and what goes beyond that |
 //! | [`groups`] | ranks that cannot be told apart |
 //! | [`level`] | the level at which the probability of failing reaches one half, and how to find it with few drives |
 //! | [`ranking`] | which results of a search are better: domination, fronts, crowding |
@@ -66,6 +67,7 @@ pub mod neighbours;
 pub mod paired;
 pub mod point;
 pub mod ranking;
+pub mod repeats;
 pub mod share;
 mod signs;
 pub mod tree;

@@ -9,8 +9,8 @@ use crate::process;
 /// Who behaves.
 const BEHAVE: &str = "behave";
 
-/// Ways of which `pdk check` is shown none: they take too long or too much memory, or change the process that checks.
-const NOT_SHOWN: [&str; 1] = ["large_camera"];
+/// Ways of which `pdk check` is shown none: they take too long or too much memory, change the process that checks, or do not repeat.
+const NOT_SHOWN: [&str; 2] = ["large_camera", "draw"];
 
 /// How a component misbehaves, and where.
 pub struct Manner {

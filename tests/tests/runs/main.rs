@@ -7,6 +7,7 @@ mod decide;
 mod devices;
 mod examples;
 mod gate;
+mod gate_recordings;
 mod pipelines;
 mod pool;
 mod search;

@@ -181,7 +181,7 @@ impl Host {
     }
 
     /// Writes down what is used from here on, before anything is computed with it.
-    pub(crate) fn begin(&mut self) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         self.setup.settings.check()?;
         self.record.begin(&mut self.setup)
     }

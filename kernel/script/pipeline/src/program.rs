@@ -95,21 +95,18 @@ impl Program {
         self.host.recording(dataset)
     }
 
-    /// Begins the record, and returns its folder.
+    /// Makes sure that the components can be made that frames of a recording need, notes them in the record, and returns its folder.
     ///
     /// # Errors
-    /// If it cannot be written, or is that of another run.
-    pub fn begin(&mut self) -> Result<&Path> {
-        self.host.begin()?;
+    /// If a component cannot be made, or the record cannot be written or is that of another run.
+    pub fn use_for(&mut self, frames: &EvaluateFrames) -> Result<&Path> {
+        self.host.use_for_frames(frames)?;
         let none = || Error::new("the record has no folder, which is a defect in pdk");
         self.host.folder().ok_or_else(none)
     }
 
     /// Submits frames of a recording for a driver.
-    ///
-    /// # Errors
-    /// If a component cannot be made, or the record cannot be written or is that of another run.
-    pub fn evaluate(&mut self, frames: EvaluateFrames) -> Result<Ticket> {
+    pub fn evaluate(&mut self, frames: EvaluateFrames) -> Ticket {
         self.host.evaluate_frames(frames)
     }
 

@@ -35,6 +35,9 @@ pub fn check(suite: &Suite) -> Result<()> {
     if !(1..=MOST).contains(&test.pairs) || !(1..=MOST).contains(&test.ahead) {
         return wrong(format!("`pairs` and `ahead` have to be from 1 to {MOST}"));
     }
+    if test.repeats.is_some_and(|repeats| !(1..=100).contains(&repeats)) {
+        return wrong("`repeats` has to be from 1 to 100".to_owned());
+    }
     if !suite.draws() && suite.scenarios.is_empty() {
         return wrong(
             "it has neither a [[place]] or a [[recording]] to draw scenarios from nor a [[scenario]]; write one"

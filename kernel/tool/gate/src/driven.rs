@@ -13,13 +13,16 @@ use crate::came::{BlockOutcome, Came};
 use crate::recording::Stretch;
 use crate::step::Step;
 
-/// The scenario of a step with a driver in it.
+/// The scenario of a step with a driver in it; `driven` also says which drive of the same scenario it is.
 ///
 /// # Errors
 /// If there is no such simulator.
-pub fn driven_by(step: &Step, driver: &ComponentSpec, catalog: &Catalog) -> Result<Scenario> {
+pub fn driven_by(step: &Step, driven: (&ComponentSpec, u64), catalog: &Catalog) -> Result<Scenario> {
+    let (driver, repeat) = driven;
     let mut scenario = step.scenario.clone();
     scenario.driver = driver.clone();
+    // The seed stays, so all drives of a scenario have the same luck where the simulator gives it.
+    scenario.repeat += repeat;
     // A simulator with its own clock does not wait.
     if Stretch::of(&scenario).is_none()
         && !catalog.get(Kind::Simulator, &scenario.simulator.name)?.description.clock.is_stepped()

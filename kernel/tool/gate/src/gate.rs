@@ -20,6 +20,7 @@ use crate::judge::{Decision, Judge};
 use crate::kept::Kept;
 use crate::loaded::Loaded;
 use crate::recording::Stretch;
+use crate::repeats::{self, Drove};
 use crate::role::Role;
 use crate::side::Side;
 use crate::step::{Step, steps};
@@ -121,7 +122,6 @@ enum State {
 
 /// A scenario that a driver was given.
 struct Given {
-    role: Role,
     scenario: Scenario,
     state: State,
 }
@@ -129,7 +129,17 @@ struct Given {
 /// A scenario of the suite that is under way.
 struct UnderWay {
     step: Step,
-    given: Vec<Given>,
+    /// How often each driver drives it at most.
+    most: u64,
+    /// The drives of the old and of the new driver, which may be repeated.
+    given: BTreeMap<Role, Vec<Given>>,
+}
+
+/// What came of all drives of a scenario by one driver.
+struct Driven {
+    entries: Vec<Entry>,
+    /// The last one of those that ended as most did, with its scenario, and whether it was known before.
+    telling: Option<(Came, Scenario, bool)>,
 }
 
 /// Blocks of recordings in the record.
@@ -142,11 +152,11 @@ struct Blocks {
 }
 
 impl Blocks {
-    /// The file in the record, which is begun when it is first needed.
-    fn kept(&mut self, program: &mut Program) -> Result<&mut Kept> {
+    /// The file in the folder of the record.
+    fn kept(&mut self, record: &Path) -> Result<&mut Kept> {
         match &mut self.kept {
             Some(kept) => Ok(kept),
-            empty => Ok(empty.insert(Kept::open(program.begin()?)?)),
+            empty => Ok(empty.insert(Kept::open(record)?)),
         }
     }
 
@@ -209,8 +219,8 @@ impl Conduct {
                 }
                 self.submit(program, loaded, sides, next, &mut waiting)?;
             }
-            let Some(UnderWay { step, given }) = waiting.pop_front() else { break };
-            self.look(program, loaded, &mut judge, sides, &step, given)?;
+            let Some(under_way) = waiting.pop_front() else { break };
+            self.look(program, loaded, &mut judge, sides, under_way)?;
             if judge.is_over() {
                 break;
             }
@@ -228,11 +238,17 @@ impl Conduct {
         waiting: &mut VecDeque<UnderWay>,
     ) -> Result<()> {
         let begin = waiting.len();
-        waiting.extend(steps.into_iter().map(|step| UnderWay { step, given: Vec::new() }));
+        for step in steps {
+            let most = repeats::most(&loaded.suite, &step.scenario, program.catalog())?;
+            waiting.push_back(UnderWay { step, most, given: BTreeMap::new() });
+        }
         for (role, side) in sides {
-            for UnderWay { step, given } in waiting.range_mut(begin..) {
-                if step.is_pair() || *role == Role::New {
-                    given.push(self.give(program, loaded, (*role, side), step)?);
+            for UnderWay { step, most, given } in waiting.range_mut(begin..) {
+                for repeat in 0..Drove::at_first(*most) {
+                    if step.is_pair() || *role == Role::New {
+                        let new = self.give(program, loaded, (*role, side), step, repeat)?;
+                        given.entry(*role).or_default().push(new);
+                    }
                 }
             }
         }
@@ -245,34 +261,42 @@ impl Conduct {
         loaded: &Loaded,
         (role, side): (Role, &Side),
         step: &Step,
+        repeat: u64,
     ) -> Result<Given> {
-        let mut scenario = driven_by(step, &side.driver, program.catalog())?;
+        let mut scenario = driven_by(step, (&side.driver, repeat), program.catalog())?;
         program.settle(&mut scenario);
         loaded.opened.note_content(&mut scenario);
         let id = scenario.id();
         let state = if let Some(came) = side.known.get(&id) {
             State::Known(Box::new(came.clone()))
         } else if let Some(stretch) = Stretch::of(&scenario) {
-            match self.blocks.kept(program)?.get(&id) {
+            let job = stretch.job(&scenario);
+            match self.blocks.kept(program.use_for(&job)?)?.get(&id) {
                 Some(outcome) => State::Known(Box::new(Came::Block(outcome.clone()))),
                 None => {
                     self.blocks.since.get_or_insert_with(Instant::now);
-                    State::Evaluated(program.evaluate(stretch.job(&scenario))?)
+                    State::Evaluated(program.evaluate(job))
                 }
             }
         } else {
-            let name = called(step, role);
+            let name = called(step, role, repeat);
             let submission = Submission { scenario: scenario.clone(), name, images_every: 0 };
             let ticket = program.submit(vec![submission])?.first().copied();
             State::Driven(
                 ticket.ok_or_else(|| Error::new("a scenario got no ticket, which is a defect in pdk"))?,
             )
         };
-        Ok(Given { role, scenario, state })
+        Ok(Given { scenario, state })
     }
 
     /// What came of a scenario, and whether it was known before.
-    fn take(&mut self, program: &mut Program, step: &Step, given: &Given) -> Result<(Came, bool)> {
+    fn take(
+        &mut self,
+        program: &mut Program,
+        step: &Step,
+        role: Role,
+        given: &Given,
+    ) -> Result<(Came, bool)> {
         Ok(match &given.state {
             State::Known(came) => ((**came).clone(), true),
             State::Driven(ticket) => (Came::Drive(Box::new(program.wait(*ticket)?.outcome.clone())), false),
@@ -282,7 +306,9 @@ impl Conduct {
                     .ok_or_else(|| Error::new("a block lost its frames, which is a defect in pdk"))?;
                 let outcome = BlockOutcome::of(&stretch, &frames)?;
                 self.blocks.frames += outcome.frames;
-                self.blocks.kept(program)?.add(&called(step, given.role), &given.scenario, &outcome)?;
+                if let Some(kept) = &mut self.blocks.kept {
+                    kept.add(&called(step, role, 0), &given.scenario, &outcome)?;
+                }
                 (Came::Block(outcome), false)
             }
         })
@@ -294,48 +320,27 @@ impl Conduct {
         loaded: &Loaded,
         judge: &mut Judge,
         sides: &[(Role, Side); 2],
-        step: &Step,
-        given: Vec<Given>,
+        mut under_way: UnderWay,
     ) -> Result<()> {
-        let mut entries: BTreeMap<Role, (Entry, Came)> = BTreeMap::new();
-        let mut failed = None;
-        for given in given {
-            let role = given.role;
-            let undecided = |reason: &str| {
-                Error::new(format!(
-                    "nothing can be decided, because a component failed in `{}` with the {} driver: {reason}",
-                    step.title(),
-                    role.text()
-                ))
-            };
-            let (came, known) = self.take(program, step, &given).map_err(|error| {
-                match matches!(given.state, State::Evaluated(_)) {
-                    true => Error::of(error.kind(), undecided(error.message()).message()),
-                    false => error,
-                }
-            })?;
-            if let Some(reason) = came.error() {
-                return Err(undecided(reason));
-            }
-            let Given { scenario, .. } = given;
-            self.known += usize::from(known);
-            self.drivers.entry(role).or_insert_with(|| (scenario.driver.clone(), files_of_driver(&scenario)));
-            entries.insert(role, (Entry::new(loaded, step, role, scenario.id(), &came), came));
-            if role == Role::New {
-                failed = Some((scenario, known));
+        let mut all: BTreeMap<Role, Driven> = BTreeMap::new();
+        for (role, side) in sides {
+            if let Some(given) = under_way.given.remove(role) {
+                let UnderWay { step, most, .. } = &under_way;
+                all.insert(*role, self.drives(program, loaded, (*role, side), (step, *most), given)?);
             }
         }
-        let old = entries.get(&Role::Old).map(|(entry, _)| entry);
-        let Some((new, came)) = entries.get(&Role::New) else {
+        let step = &under_way.step;
+        let old = all.remove(&Role::Old).map(|driven| driven.entries);
+        let Some(Driven { entries: new, telling }) = all.remove(&Role::New) else {
             return Err(Error::new("the new driver did not drive, which is a defect in pdk"));
         };
-        judge.look(step, seen(old, new));
-        let passed = old.is_some_and(|old| !old.failed());
-        if let (true, true, Some((scenario, known))) = (passed, new.failed(), failed) {
+        let seen = seen(old.as_deref(), &new);
+        let passed = seen.old.as_ref().is_some_and(|old| !old.has_failed());
+        if let (true, true, Some((came, scenario, known))) = (passed, seen.new.has_failed(), telling) {
             let record = sides[1].1.record.clone().filter(|_| known).unwrap_or_default();
             self.failures.push(NewFailure {
                 title: step.title(),
-                id: new.id,
+                id: scenario.id(),
                 cause: came.ending(),
                 said: came.said(),
                 record,
@@ -343,8 +348,73 @@ impl Conduct {
                 scenario,
             });
         }
-        self.entries.extend(entries.into_values().map(|(entry, _)| entry));
+        judge.look(step, &seen);
+        self.entries.extend(old.into_iter().flatten().chain(new));
         Ok(())
+    }
+
+    /// Takes what came of a scenario that a driver was given, and repeats it until its verdict is stable.
+    fn drives(
+        &mut self,
+        program: &mut Program,
+        loaded: &Loaded,
+        (role, side): (Role, &Side),
+        (step, most): (&Step, u64),
+        mut given: Vec<Given>,
+    ) -> Result<Driven> {
+        let mut driven = Driven { entries: Vec::new(), telling: None };
+        let mut drove = Drove::default();
+        let mut came_of: Vec<(Came, Scenario, bool)> = Vec::new();
+        loop {
+            for Given { scenario, state } in given.drain(..) {
+                let (came, known) =
+                    self.came(program, step, role, &Given { scenario: scenario.clone(), state })?;
+                self.known += usize::from(known);
+                self.drivers
+                    .entry(role)
+                    .or_insert_with(|| (scenario.driver.clone(), files_of_driver(&scenario)));
+                let repeat = driven.entries.len() as u64;
+                let entry = Entry::new(loaded, step, (role, repeat), scenario.id(), &came);
+                drove.0.push(entry.failed());
+                driven.entries.push(entry);
+                came_of.push((came, scenario, known));
+            }
+            if drove.is_over(most) {
+                break;
+            }
+            given.push(self.give(program, loaded, (role, side), step, drove.0.len() as u64)?);
+        }
+        let as_most = |(came, ..): &(Came, Scenario, bool)| came.ending().failed() == drove.has_failed();
+        driven.telling = came_of.into_iter().rfind(as_most);
+        Ok(driven)
+    }
+
+    /// What came of a scenario, and whether it was known before.
+    ///
+    /// # Errors
+    /// If a component failed: then nothing can be decided.
+    fn came(
+        &mut self,
+        program: &mut Program,
+        step: &Step,
+        role: Role,
+        given: &Given,
+    ) -> Result<(Came, bool)> {
+        let undecided = |reason: &str| {
+            format!(
+                "nothing can be decided, because a component failed in `{}` with the {} driver: {reason}",
+                step.title(),
+                role.text()
+            )
+        };
+        let (came, known) = self.take(program, step, role, given).map_err(|error| match given.state {
+            State::Evaluated(_) => Error::of(error.kind(), undecided(error.message())),
+            State::Known(_) | State::Driven(_) => error,
+        })?;
+        match came.error() {
+            Some(reason) => Err(Error::new(undecided(reason))),
+            None => Ok((came, known)),
+        }
     }
 
     fn verdict(
@@ -393,8 +463,9 @@ impl Conduct {
 }
 
 /// What the record calls a scenario with a driver.
-fn called(step: &Step, role: Role) -> String {
-    format!("{}, {} driver", step.title(), role.text())
+fn called(step: &Step, role: Role, repeat: u64) -> String {
+    let again = if repeat > 0 { format!(", repeat {}", repeat + 1) } else { String::new() };
+    format!("{}, {} driver{again}", step.title(), role.text())
 }
 
 /// The files of a scenario that are its driver's.

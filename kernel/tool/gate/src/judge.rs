@@ -6,17 +6,18 @@ use pdk_statistics::neighbours::Neighbours;
 use serde::{Deserialize, Serialize};
 
 use crate::loaded::Loaded;
+use crate::repeats::{Counted, Drove, Luck};
 use crate::requirement::{By, Kind, Requirement};
 use crate::step::{Series, Step};
 use crate::suite::{Suite, Undecided};
 
 /// What came of a scenario of a suite.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
-    /// Whether the old driver failed; none if only the new one drove.
-    pub old: Option<bool>,
-    /// Whether the new driver failed.
-    pub new: bool,
+    /// The drives of the old driver; none if only the new one drove.
+    pub old: Option<Drove>,
+    /// The drives of the new driver.
+    pub new: Drove,
     /// The measure of a requirement about one; none if the drive did not come to its end.
     pub measured: Option<f64>,
 }
@@ -89,6 +90,9 @@ pub struct Decision {
     pub passed: bool,
     /// Every requirement, and each group of one that goes by groups.
     pub findings: Vec<Finding>,
+    /// How far drives of the same scenario disagree; none if no scenario was repeated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub luck: Option<Luck>,
 }
 
 /// A requirement, or a group of one, while scenarios are looked at.
@@ -141,6 +145,7 @@ impl Group {
 pub struct Judge {
     checks: Vec<Check>,
     undecided: Undecided,
+    counted: Counted,
 }
 
 impl Judge {
@@ -165,11 +170,14 @@ impl Judge {
                 test.alpha = suite.test.alpha / tests as f64;
             }
         }
-        Self { checks, undecided: suite.test.undecided }
+        Self { checks, undecided: suite.test.undecided, counted: Counted::default() }
     }
 
     /// Looks at the next scenario.
-    pub fn look(&mut self, step: &Step, seen: Seen) {
+    pub fn look(&mut self, step: &Step, seen: &Seen) {
+        if let Some(old) = &seen.old {
+            self.counted.look(step, old, &seen.new);
+        }
         self.checks.iter_mut().filter(|check| check.state.is_none()).for_each(|check| check.look(step, seen));
     }
 
@@ -187,7 +195,7 @@ impl Judge {
             State::NotMet => false,
             State::Undecided => self.undecided == Undecided::Passed,
         });
-        Decision { passed, findings }
+        Decision { passed, findings, luck: self.counted.luck() }
     }
 }
 
@@ -256,8 +264,8 @@ fn levels(suite: &Suite) -> Vec<f64> {
 }
 
 impl Check {
-    fn look(&mut self, step: &Step, seen: Seen) {
-        let old = seen.old.unwrap_or_default();
+    fn look(&mut self, step: &Step, seen: &Seen) {
+        let (old, new) = (seen.old.as_ref().is_some_and(Drove::has_failed), seen.new.has_failed());
         let counts = match &self.rule {
             Rule::Test(test) => step.series == Series::Drawn && test.group.has(step),
             Rule::NoNewFailure { drawn, .. } => match step.series {
@@ -273,13 +281,13 @@ impl Check {
         }
         self.scenarios += 1;
         self.old_failed += usize::from(old);
-        self.new_failed += usize::from(seen.new);
+        self.new_failed += usize::from(new);
         self.state = match &mut self.rule {
-            Rule::Test(test) => {
-                test.look(f64::from(u8::from(seen.new)) - f64::from(u8::from(old)), step.place)
-            }
+            Rule::Test(test) => test.look(f64::from(u8::from(new)) - f64::from(u8::from(old)), step.place),
             Rule::NoNewFailure { fixed, drawn, found } => {
-                *found += usize::from(seen.new && !old);
+                // A verdict that is not stable may be luck.
+                let stable = seen.new.is_stable() && seen.old.as_ref().is_none_or(Drove::is_stable);
+                *found += usize::from(new && !old && stable);
                 if *found > 0 {
                     Some(State::NotMet)
                 } else {
@@ -396,8 +404,9 @@ mod tests {
             }
             let step = step.unwrap();
             let [old, new] = failed(&step);
-            let seen = Seen { old: step.is_pair().then_some(old), new, measured: (!new).then_some(0.3) };
-            judge.look(&step, seen);
+            let drove = |failed: bool| Drove(vec![failed]);
+            let old = step.is_pair().then(|| drove(old));
+            judge.look(&step, &Seen { old, new: drove(new), measured: (!new).then_some(0.3) });
         }
         (judge.decide(), loaded.pairs())
     }
@@ -474,7 +483,7 @@ mod tests {
         let mut judge = Judge::new(&loaded);
         let mut other = step(&loaded, Series::Drawn, 0).unwrap();
         other.series = Series::Requirement(7);
-        judge.look(&other, Seen { old: None, new: true, measured: None });
+        judge.look(&other, &Seen { old: None, new: Drove(vec![true]), measured: None });
         assert_eq!(judge.decide().findings[0].scenarios, 0);
     }
 
@@ -501,5 +510,24 @@ mod tests {
         let (by_turns, looked) = judge(&loaded, |step| failed(place(step)));
         assert!(by_turns.passed && looked < 200, "{looked} {by_turns:?}");
         assert!(by_turns.findings[0].test.unwrap().neighbours.is_none_or(|correlation| correlation < 0.0));
+    }
+
+    #[test]
+    fn a_failure_that_is_not_stable_is_not_a_new_one() {
+        let loaded = suite(&format!("{SMALL}\n[[require]]\nkind = \"no_new_failure\"\npairs = 3")).unwrap();
+        let found = |new: [bool; 5]| {
+            let mut judge = Judge::new(&loaded);
+            for step in crate::step::steps(&loaded).take(3) {
+                let seen =
+                    Seen { old: Some(Drove(vec![false; 2])), new: Drove(new.to_vec()), measured: None };
+                judge.look(&step.unwrap(), &seen);
+            }
+            judge.decide()
+        };
+        let lucky = found([true, false, true, false, true]);
+        assert!(lucky.passed && lucky.findings[0].new_failed == 3, "{lucky:?}");
+        assert!(!found([true, false, true, true, true]).passed);
+        let luck = lucky.luck.unwrap();
+        assert_eq!((luck.scenarios, luck.unstable, luck.new.value, luck.old.value), (3, 3, 1.0, 0.0));
     }
 }

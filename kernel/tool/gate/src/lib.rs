@@ -16,6 +16,7 @@
 //! | [`recording`] | blocks of recordings, which take the place of roads |
 //! | [`step`] | its scenarios, in order |
 //! | [`judge`] | the decision, from what came of scenarios |
+//! | [`repeats`] | simulators that do not repeat themselves: verdicts that are stable, and how often drives disagree |
 //! | [`side`] | a driver that takes part; [`role`] which of the two it is |
 //! | [`driven`] | how a scenario is given to a driver; [`came`] what comes of it; [`kept`] blocks in the record |
 //! | [`gate`] | goes on until the decision is clear |
@@ -37,6 +38,7 @@ pub mod loaded;
 mod merkle;
 pub mod probes;
 pub mod recording;
+pub mod repeats;
 pub mod requirement;
 pub mod role;
 pub mod shown;

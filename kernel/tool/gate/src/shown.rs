@@ -11,6 +11,7 @@ use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 use crate::came::Ending;
 use crate::gate::{Judged, NewFailure};
 use crate::judge::{Finding, State};
+use crate::repeats::Luck;
 
 /// The columns of the table of requirements.
 const HEADER: [&str; 7] =
@@ -98,6 +99,11 @@ pub fn explanation(judged: &Judged) -> Option<String> {
     ))
 }
 
+/// What is known of drives of the same scenario that come out differently, a sentence each.
+pub fn luck(judged: &Judged) -> Vec<String> {
+    judged.verdict.decision.luck.as_ref().map(Luck::sentences).unwrap_or_default()
+}
+
 /// A line for each new failure.
 pub fn failures(judged: &Judged) -> Vec<String> {
     let line = |failure: &NewFailure| {
@@ -136,7 +142,7 @@ pub fn markdown(judged: &Judged) -> String {
         all.extend(cells(finding).iter().map(|text| cell(text)));
         text += &row(&all);
     }
-    if let Some(sentence) = explanation(judged) {
+    for sentence in explanation(judged).into_iter().chain(luck(judged)) {
         // Writing to a string does not fail.
         let _ = write!(text, "\n{}\n", cell(&sentence));
     }
@@ -185,6 +191,7 @@ pub fn junit(judged: &Judged) -> Result<String> {
         }
     };
     let mut output = vec![headline(judged)];
+    output.extend(luck(judged));
     let lines = failures(judged);
     if !lines.is_empty() {
         output.push("New failures:".to_owned());

@@ -110,13 +110,24 @@ pub struct Test {
     pub pairs: usize,
     /// How many scenarios are under way before the first of them has been looked at.
     pub ahead: usize,
+    /// How often a driver drives a scenario at most, until its verdict is stable. If it is left out, once if the simulator repeats itself,
+    /// else up to five times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<u64>,
     /// What it means if a requirement is neither shown to be met nor shown not to be met.
     pub undecided: Undecided,
 }
 
 impl Default for Test {
     fn default() -> Self {
-        Self { tolerated: 0.1, alpha: 0.05, pairs: 400, ahead: 8, undecided: Undecided::Failed }
+        Self {
+            tolerated: 0.1,
+            alpha: 0.05,
+            pairs: 400,
+            ahead: 8,
+            repeats: None,
+            undecided: Undecided::Failed,
+        }
     }
 }
 

@@ -19,6 +19,7 @@ use crate::judge::{Decision, Judge, Seen};
 use crate::loaded::Loaded;
 use crate::merkle;
 use crate::recording::RecordingRecord;
+use crate::repeats::{self, Drove};
 use crate::requirement::Kind;
 use crate::role::Role;
 use crate::step::{Series, Step, steps};
@@ -89,6 +90,9 @@ pub struct Entry {
     pub number: usize,
     /// Who drove.
     pub driver: Role,
+    /// Which drive of the same scenario it is, from 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub repeat: u64,
     /// The id of the scenario.
     pub id: ScenarioId,
     /// How it ended.
@@ -100,9 +104,14 @@ pub struct Entry {
     pub checksum: String,
 }
 
+fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
 impl Entry {
-    /// What came of a scenario of a suite.
-    pub fn new(loaded: &Loaded, step: &Step, driver: Role, id: ScenarioId, came: &Came) -> Self {
+    /// What came of a scenario of a suite; `driven` is who drove, and which drive of the scenario it is.
+    pub fn new(loaded: &Loaded, step: &Step, driven: (Role, u64), id: ScenarioId, came: &Came) -> Self {
+        let (driver, repeat) = driven;
         let required = loaded.suite.required();
         let measured = match step.series {
             Series::Requirement(place) => match required.get(place).map(|requirement| &requirement.kind) {
@@ -116,6 +125,7 @@ impl Entry {
             series: *series,
             number: *number,
             driver,
+            repeat,
             id,
             cause: came.ending(),
             measured,
@@ -129,9 +139,11 @@ impl Entry {
     }
 }
 
-/// What came of a step, by its entries.
-pub fn seen(old: Option<&Entry>, new: &Entry) -> Seen {
-    Seen { old: old.map(Entry::failed), new: new.failed(), measured: new.measured }
+/// What came of a step, by the entries of its drives.
+pub fn seen(old: Option<&[Entry]>, new: &[Entry]) -> Seen {
+    let drove = |entries: &[Entry]| Drove(entries.iter().map(Entry::failed).collect());
+    let measures: Vec<Option<f64>> = new.iter().map(|entry| entry.measured).collect();
+    Seen { old: old.map(drove), new: drove(new), measured: repeats::measured(&measures) }
 }
 
 impl Verdict {
@@ -187,37 +199,35 @@ impl Verdict {
     ///
     /// # Errors
     /// If the suite cannot be drawn from.
-    pub fn contradictions(&self, loaded: &Loaded) -> Result<Vec<String>> {
+    pub fn contradictions(&self, loaded: &Loaded, catalog: &Catalog) -> Result<Vec<String>> {
         let mut wrong = Vec::new();
         if self.root != self.own_root() {
             wrong.push("its root is not that of its contents, so it was edited or is damaged".to_owned());
         }
         let mut judge = Judge::new(loaded);
-        let mut entries = self.entries.iter().enumerate();
+        let mut rest = self.entries.as_slice();
         for step in steps(loaded) {
             if judge.is_over() {
                 break;
             }
             let step = step?;
-            let mut next = |role| {
-                let (_, entry) = entries.next()?;
-                let fits = (entry.series, entry.number, entry.driver) == (step.series, step.number, role);
-                fits.then_some(entry)
-            };
-            let old = if step.is_pair() { next(Role::Old).map(Some) } else { Some(None) };
-            let (Some(old), Some(new)) = (old, next(Role::New)) else {
+            let most = repeats::most(&loaded.suite, &step.scenario, catalog)?;
+            let old =
+                if step.is_pair() { drives(&mut rest, &step, Role::Old, most).map(Some) } else { Some(None) };
+            let (Some(old), Some(new)) = (old, drives(&mut rest, &step, Role::New, most)) else {
                 wrong.push(format!(
                     "it does not have the scenarios of the suite in their order: `{}` is missing",
                     step.title()
                 ));
                 return Ok(wrong);
             };
-            judge.look(&step, seen(old, new));
+            judge.look(&step, &seen(old, new));
         }
-        if let Some((place, _)) = entries.next() {
+        if !rest.is_empty() {
             wrong.push(format!(
-                "it has {} entries, but was decided after {place} of them",
-                self.entries.len()
+                "it has {} entries, but was decided after {} of them",
+                self.entries.len(),
+                self.entries.len() - rest.len()
             ));
         }
         if judge.decide() != self.decision {
@@ -262,4 +272,24 @@ impl Verdict {
             Role::New => &self.new,
         }
     }
+}
+
+/// Takes the entries of a step by one driver from the beginning of these: as many as it takes until its verdict is stable. None if they are
+/// not there.
+fn drives<'a>(rest: &mut &'a [Entry], step: &Step, role: Role, most: u64) -> Option<&'a [Entry]> {
+    let mut drove = Drove::default();
+    for (place, entry) in rest.iter().enumerate() {
+        let fits = (entry.series, entry.number, entry.driver, entry.repeat)
+            == (step.series, step.number, role, place as u64);
+        if !fits {
+            return None;
+        }
+        drove.0.push(entry.failed());
+        if drove.0.len() as u64 >= Drove::at_first(most) && drove.is_over(most) {
+            let (taken, left) = rest.split_at(place + 1);
+            *rest = left;
+            return Some(taken);
+        }
+    }
+    None
 }

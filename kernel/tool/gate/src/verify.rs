@@ -97,7 +97,7 @@ pub fn verify(
     let catalog = session.catalog().clone();
     loaded.open(&catalog, &mut |dataset| readers::recording(&mut session, dataset))?;
     check_recordings(verdict, loaded)?;
-    let mut refuted = verdict.contradictions(loaded)?;
+    let mut refuted = verdict.contradictions(loaded, &catalog)?;
     let entries = verdict.entries.len();
     if !refuted.is_empty() {
         // What contradicts itself need not be driven.
@@ -123,7 +123,7 @@ pub fn verify(
     for (place, entry) in verdict.entries.iter().enumerate() {
         let Some(driver) = drivers.get(&entry.driver) else { continue };
         let step = step(loaded, entry.series, entry.number)?;
-        let mut scenario = driven_by(&step, driver, &catalog)?;
+        let mut scenario = driven_by(&step, (driver, entry.repeat), &catalog)?;
         check_engine(&catalog, &scenario, &verdict.settled)?;
         settler.scenario(&mut scenario);
         loaded.opened.note_content(&mut scenario);

@@ -41,8 +41,8 @@ impl Host {
         Ok(Recording { reader, made, content })
     }
 
-    /// Submits frames of a recording for a driver, after making sure that the components can be made.
-    pub(crate) fn evaluate_frames(&mut self, job: EvaluateFrames) -> Result<Ticket> {
+    /// Makes sure that the components can be made that frames of a recording need, and notes them.
+    pub(crate) fn use_for_frames(&mut self, job: &EvaluateFrames) -> Result<()> {
         stop_if_dropped()?;
         let Subject::Driver(driver) = &job.subject else {
             return Err(Error::new("frames are given to a predictor, which is a defect in pdk"));
@@ -59,9 +59,13 @@ impl Host {
         let catalog = self.session.catalog();
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, applied)?;
-        self.begin()?;
+        self.begin()
+    }
+
+    /// Submits frames of a recording for a driver.
+    pub(crate) fn evaluate_frames(&mut self, job: EvaluateFrames) -> Ticket {
         self.frames.expect((job.end - job.from) as u64);
-        Ok(self.session.evaluate(job))
+        self.session.evaluate(job)
     }
 
     /// Waits for what frames came to.

@@ -103,7 +103,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
 
 fn print(judged: &Judged) {
     println!("{}", shown::requirements(judged));
-    if let Some(sentence) = shown::explanation(judged) {
+    for sentence in shown::explanation(judged).into_iter().chain(shown::luck(judged)) {
         println!("{sentence}");
     }
     if !judged.failures.is_empty() {
