@@ -132,9 +132,7 @@ impl Catalog {
     pub fn preferred(&self, kind: Kind) -> Result<&Entry> {
         let said = || self.of_kind(kind).filter(|entry| entry.base.is_none() && entry.description.preferred);
         said().find(|entry| entry.is_built_in()).or_else(|| said().next()).ok_or_else(|| {
-            let sentence = format!(
-                "there is no default {kind}; name one that `pdk list {kind}` shows"
-            );
+            let sentence = format!("there is no default {kind}; name one that `pdk list {kind}` shows");
             Error::of(ErrorKind::Configuration, sentence)
         })
     }

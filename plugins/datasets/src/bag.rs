@@ -131,7 +131,9 @@ fn row(path: &Path, at: u64) -> Result<Vec<u8>> {
 }
 
 fn changed() -> Error {
-    Error::new("a message is missing that was there before, so the file has changed while it was read; run the command again")
+    Error::new(
+        "a message is missing that was there before, so the file has changed while it was read; run the command again",
+    )
 }
 
 /// The records of a file.

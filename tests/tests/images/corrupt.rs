@@ -401,7 +401,8 @@ fn a_recording_without_pictures_of_its_own_is_refused_for_its_own_reason() {
     let info = json!({"fps": 10, "codebase_version": "v1.6", "features": {"cam": {"dtype": "video"}}});
     fs::write(folder.path().join("old/meta/info.json"), info.to_string()).unwrap();
     let with = ["--with", "fog_filter@1"];
-    corrupt(folder.path(), "old", &with, "out").fail(1, &["version `1.6`", "READER,path=DIR,PARAMETER=VALUE"]);
+    corrupt(folder.path(), "old", &with, "out")
+        .fail(1, &["version `1.6`", "READER,path=DIR,PARAMETER=VALUE"]);
     fs::create_dir(folder.path().join("empty")).unwrap();
     corrupt(folder.path(), "empty", &with, "out").fail(1, &["`empty` has no pictures", "pdk list dataset"]);
 }

@@ -152,7 +152,10 @@ fn a_scenario_whose_simulator_is_lost_is_driven_again() {
         let port = free_ports(1);
         let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "1"]);
         let run = run(&simulator(port), &[]);
-        run.says(0, &["closed the connection", "simulator `udacity`", "driven again from its beginning, once"]);
+        run.says(
+            0,
+            &["closed the connection", "simulator `udacity`", "driven again from its beginning, once"],
+        );
         assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
         assert!(run.took.as_secs_f64() >= least, "{fault}: {:?}", run.took);
     }

@@ -199,7 +199,8 @@ fn road_note(drive: &Drive, pictures: usize) -> String {
         0 => {}
         _ if drive.roads.is_empty() => sentences.push("The simulator does not report its roads.".to_owned()),
         unknown => {
-            sentences.push(format!("The simulator did not report the road of {}.", count(unknown, "scenario")));
+            sentences
+                .push(format!("The simulator did not report the road of {}.", count(unknown, "scenario")));
         }
     }
     if void > 0 {

@@ -46,7 +46,9 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
         return Err(Error::new("it is set to training; export the model for inference"));
     }
     if site.int("spatial", 1) == 0 {
-        return Err(Error::new("it has factors for each pixel, which later versions of this operator do not have"));
+        return Err(Error::new(
+            "it has factors for each pixel, which later versions of this operator do not have",
+        ));
     }
     let variance = b.offset(site.input(4)?, epsilon(site))?;
     let deviation = b.unary("Sqrt", &variance)?;

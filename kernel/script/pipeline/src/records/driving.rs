@@ -81,7 +81,11 @@ pub(super) const DRIVE_REQUEST: ApiRecord = ApiRecord {
 /// What scripts know about an outcome besides its own fields.
 const SUBMITTED: &[ApiField] = &[
     field("number", "number", "The number of the scenario in its run, from 0."),
-    field("id", "string", "Identifies the scenario: it is the same in every run, and no other scenario has it."),
+    field(
+        "id",
+        "string",
+        "Identifies the scenario: it is the same in every run, and no other scenario has it.",
+    ),
     field("name", "string", "The name of the scenario."),
 ];
 
