@@ -8,12 +8,10 @@
 //! | [`moment`] | what is known of a frame besides its pixels |
 
 pub mod chain;
-mod edges;
 mod link;
 pub mod maps;
 mod mask;
 pub mod moment;
-mod motion;
 mod part;
 mod selection;
 pub mod view;

@@ -4,10 +4,10 @@ use pdk_model::selection::{Choice, Selection};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
-use crate::edges::Edges;
 use crate::maps::{Maps, Turns, context};
 use crate::moment::{Labels, Moment};
 use pdk_components::registry::Registry;
+use pdk_ops::edges::{Edges, Treatment};
 use pdk_supervise::calls::{self, Function};
 
 /// What the choice goes by.
@@ -122,7 +122,9 @@ impl Selector {
                     weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
                 }
             }
-            edges.treat(weights, (width, height), selection);
+            let &mut Selection { close, smallest, soft, .. } = selection;
+            let [close, smallest, soft] = [close, smallest, soft].map(|pixels| pixels as usize);
+            edges.treat(weights, (width, height), Treatment { close, smallest, soft });
         }
         Ok(&self.weights)
     }

@@ -116,7 +116,7 @@ mod tests {
         );
         assert_eq!(stepped(&[0.0, 0.25, 0.0]), "its time falls from 0.25 to 0.0 s");
         assert!(
-            stepped(&[0.0, 0.05, 0.05]).starts_with("its time goes on from 0.05 to 0.05 s with a control")
+            stepped(&[0.0, 0.05, 0.05]).starts_with("its time advances from 0.05 to 0.05 s with a control")
         );
         assert_eq!(
             stepped(&[0.0, 1e3]),

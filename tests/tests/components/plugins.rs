@@ -185,7 +185,7 @@ fn numbers_that_are_none_are_errors() {
 #[test]
 fn a_simulator_whose_time_stands_still_does_not_run_for_ever() {
     let run = three_scenarios("simulator", "stand_still", &[]);
-    says(&run, 1, &["simulator `misbehave`: its time goes on from 0.0 to 0.0 s with a control"]);
+    says(&run, 1, &["simulator `misbehave`: its time advances from 0.0 to 0.0 s with a control"]);
     assert_eq!(causes(&run), ["error"; 3]);
 }
 

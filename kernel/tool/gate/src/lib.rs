@@ -13,7 +13,8 @@
 //! |---|---|
 //! | [`suite`] | what a suite says; [`requirement`] what it requires; `check` whether that makes sense |
 //! | [`loaded`] | suites by their names or files |
-//! | [`recording`] | blocks of recordings, which take the place of roads |
+//! | [`recording`] | blocks of recordings, which take the place of roads; [`stretch`] says which frames they are |
+//! | [`series`] | where scenarios come from, and what they are drawn from |
 //! | [`step`] | its scenarios, in order |
 //! | [`judge`] | the decision, from what came of scenarios |
 //! | [`repeats`] | simulators that do not repeat themselves: verdicts that are stable, and how often drives disagree |
@@ -41,9 +42,11 @@ pub mod recording;
 pub mod repeats;
 pub mod requirement;
 pub mod role;
+pub mod series;
 pub mod shown;
 pub mod side;
 pub mod step;
+pub mod stretch;
 pub mod suite;
 pub mod verdict;
 pub mod verify;

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::check::check;
 use crate::recording::{Open, Opened};
-use crate::step;
+use crate::series;
 use crate::suite::{ENDING, Suite};
 
 /// Bytes of a file that may be a suite.
@@ -86,7 +86,7 @@ impl Loaded {
     /// If one cannot be opened.
     pub fn open(&mut self, catalog: &Catalog, open: &mut Open<'_>) -> Result<()> {
         if self.suite.is_recorded() {
-            let mut random = step::order(&self.hash).sequence();
+            let mut random = series::order(&self.hash).sequence();
             self.opened = Opened::of(&self.suite, catalog, &mut random, open)?;
         }
         Ok(())

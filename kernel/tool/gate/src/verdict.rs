@@ -22,7 +22,8 @@ use crate::recording::RecordingRecord;
 use crate::repeats::{self, Drove};
 use crate::requirement::Kind;
 use crate::role::Role;
-use crate::step::{Series, Step, steps};
+use crate::series::Series;
+use crate::step::{Step, steps};
 
 /// The version of the format.
 const FORMAT: u32 = 1;

@@ -21,9 +21,10 @@ use serde_json::Value;
 use crate::driven::{self, driven_by};
 use crate::loaded::Loaded;
 use crate::probes;
-use crate::recording::{RecordingRecord, Stretch};
+use crate::recording::RecordingRecord;
 use crate::role::Role;
 use crate::step::step;
+use crate::stretch::Stretch;
 use crate::verdict::{Entry, Verdict};
 
 /// How a verdict is verified.

@@ -174,6 +174,6 @@ mod tests {
         assert!(check("lags").unwrap_err().contains("not the one that act returned"));
         assert!(check("starts elsewhere").unwrap_err().contains("not the one that reset returned"));
         assert!(check("loses itself").unwrap_err().contains("its heading is NaN rad, but has to be from"));
-        assert!(check("stands still").unwrap_err().contains("its time goes on from 0.0 to 0.0 s"));
+        assert!(check("stands still").unwrap_err().contains("its time advances from 0.0 to 0.0 s"));
     }
 }

@@ -1,6 +1,6 @@
 //! By how much the image has moved between two frames.
 
-use pdk_sdk::prelude::Frame;
+use crate::frame::Frame;
 
 /// Frames are reduced to about this many cells in a row.
 const CELLS: usize = 80;
@@ -113,7 +113,7 @@ pub fn moved(values: &[f32], width: usize, [right, down]: [isize; 2], into: &mut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::prelude::FrameBuf;
+    use crate::frame::FrameBuf;
 
     /// A picture of spots, of which a window is shown.
     fn window(right: usize, down: usize) -> FrameBuf {

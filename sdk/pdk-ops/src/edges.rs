@@ -1,6 +1,15 @@
 //! How the edges of chosen pixels are treated: gaps are closed, small spots left out, and what remains is blended over some pixels.
 
-use pdk_model::selection::Selection;
+/// What is done, in pixels; 0 for what is not.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Treatment {
+    /// Gaps of up to twice this width are closed.
+    pub close: usize,
+    /// Spots of fewer pixels are left out.
+    pub smallest: usize,
+    /// Edges are blended over this many pixels.
+    pub soft: usize,
+}
 
 /// Treats edges frame after frame. Keeps its memory, so that only the first frame of a size allocates.
 #[derive(Default)]
@@ -38,27 +47,28 @@ impl Lines {
 }
 
 impl Edges {
-    /// Closes gaps, leaves out small spots, and softens the edges, in this order.
-    pub fn treat(&mut self, weights: &mut [u8], (width, height): (usize, usize), selection: &Selection) {
+    /// Closes gaps, leaves out small spots, and softens the edges, in this order, in a frame of `size`, width and height.
+    pub fn treat(&mut self, weights: &mut [u8], size: (usize, usize), treatment: Treatment) {
+        let (width, height) = size;
         let lines = Lines::of(width, height);
-        if selection.close > 0 || selection.smallest > 0 {
+        if treatment.close > 0 || treatment.smallest > 0 {
             self.chosen.clear();
             self.chosen.extend(weights.iter().map(|weight| *weight > 127));
-            if selection.close > 0 {
+            if treatment.close > 0 {
                 // What lies beyond the frame is neither chosen nor left out.
                 for value in [true, false] {
-                    self.spread(lines, selection.close as usize, value);
+                    self.spread(lines, treatment.close as usize, value);
                 }
             }
-            if selection.smallest > 0 {
-                self.leave_out_small(width, height, selection.smallest as usize);
+            if treatment.smallest > 0 {
+                self.leave_out_small(width, height, treatment.smallest);
             }
             for (weight, chosen) in weights.iter_mut().zip(&self.chosen) {
                 *weight = u8::from(*chosen) * 255;
             }
         }
-        if selection.soft > 0 {
-            let soft = selection.soft as usize;
+        if treatment.soft > 0 {
+            let soft = treatment.soft as usize;
             self.weights.clear();
             self.weights.resize(weights.len(), 0);
             average(weights, &mut self.weights, &mut self.sums, lines[0], soft);
@@ -145,44 +155,47 @@ fn average(from: &[u8], to: &mut [u8], sums: &mut Vec<u64>, lines: Lines, soft: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::{Value, json};
 
-    fn treated(mut weights: Vec<u8>, width: usize, value: &Value) -> Vec<u8> {
-        let (selection, size) = (Selection::from_json(value).unwrap(), (width, weights.len() / width));
+    fn treated(mut weights: Vec<u8>, width: usize, treatment: Treatment) -> Vec<u8> {
+        let size = (width, weights.len() / width);
         let original = weights.clone();
         let mut edges = Edges::default();
-        edges.treat(&mut weights, size, &selection);
+        edges.treat(&mut weights, size, treatment);
         // What is left of a frame has no part in the next one.
         let mut again = original;
-        edges.treat(&mut again, size, &selection);
+        edges.treat(&mut again, size, treatment);
         assert_eq!(again, weights);
         weights
     }
 
-    fn treat(rows: &[&str], value: &Value) -> Vec<String> {
+    fn treat(rows: &[&str], treatment: Treatment) -> Vec<String> {
         let width = rows[0].len();
         let chosen =
             rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
-        let rows = treated(chosen, width, value);
+        let rows = treated(chosen, width, treatment);
         rows.chunks(width).map(|row| row.iter().map(|&w| if w > 127 { '#' } else { '.' }).collect()).collect()
     }
 
     #[test]
     fn gaps_are_closed_and_small_spots_are_left_out() {
         let rows = ["##.##...", "##.##...", "##.##...", "........", ".......#"];
-        let closed = treat(&rows, &json!({"random": 1, "close": 1}));
+        let closed = treat(&rows, Treatment { close: 1, ..Treatment::default() });
         assert_eq!(closed[..3], ["#####...", "#####...", "#####..."]);
         assert_eq!(closed[4].chars().last(), Some('#'));
-        let cleaned = treat(&rows, &json!({"random": 1, "smallest": 4}));
+        let cleaned = treat(&rows, Treatment { smallest: 4, ..Treatment::default() });
         assert_eq!(cleaned, ["##.##...", "##.##...", "##.##...", "........", "........"]);
-        assert_eq!(treat(&rows, &json!({"random": 1, "smallest": 6})), cleaned);
-        assert!(treat(&rows, &json!({"random": 1, "smallest": 7})).iter().all(|row| !row.contains('#')));
+        assert_eq!(treat(&rows, Treatment { smallest: 6, ..Treatment::default() }), cleaned);
+        assert!(
+            treat(&rows, Treatment { smallest: 7, ..Treatment::default() })
+                .iter()
+                .all(|row| !row.contains('#'))
+        );
     }
 
     #[test]
     fn soft_edges_are_blended() {
         let chosen = (0..20).map(|x| if x >= 10 { 255 } else { 0 }).collect();
-        let weights = treated(chosen, 20, &json!({"random": 1, "soft": 2}));
+        let weights = treated(chosen, 20, Treatment { soft: 2, ..Treatment::default() });
         assert_eq!(weights[6..14], [0, 0, 51, 102, 153, 204, 255, 255]);
     }
 }
