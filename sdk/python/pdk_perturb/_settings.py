@@ -64,6 +64,7 @@ class SessionSettings(RunSettings, total=False):
 MODIFIERS = {
     "probability": 'float',
     "region": 'Mapping[str, Any] | Sequence[float]',
+    "during": 'Mapping[str, Any]',
     "where": 'Mapping[str, Any]',
     "attention": 'str | Mapping[str, Any]',
     "draws": 'Literal["per_frame", "per_sequence"]',

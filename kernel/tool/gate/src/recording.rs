@@ -7,7 +7,6 @@
 use std::collections::BTreeMap;
 
 use pdk_components::catalog::Catalog;
-use pdk_loop::protocol::{EvaluateFrames, Subject};
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::Scenario;
 use pdk_pipeline::readers;

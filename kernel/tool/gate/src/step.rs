@@ -1,16 +1,12 @@
 //! The scenarios of a suite in the order in which they are looked at. Each follows from the hash of the suite and its number, so it is the
 //! same on every machine and for every driver, and each that is drawn has a road, a perturbation, a level and luck of its own.
 
-use std::fmt;
-use std::str::FromStr;
-
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_road::{MapBox, Road};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::seed::{Key, Random};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use pdk_sdk::seed::Random;
 use serde_json::{Value, json};
 
 use crate::loaded::Loaded;
