@@ -117,8 +117,10 @@ impl Chain {
     /// # Errors
     /// If a perturbation fails, with its name.
     pub fn pass(&mut self, what: ActsOn, given: Numbers, moment: &Moment<'_>) -> Result<Option<Numbers>> {
-        let links = self.devices.iter_mut().filter(|link| link.acts_on() == what);
-        links.fold(Ok(None), |passed, link| link.pass(passed?.unwrap_or(given), moment).map(Some))
+        let mut links = self.devices.iter_mut().filter(|link| link.acts_on() == what);
+        links.try_fold(None, |passed: Option<Numbers>, link| {
+            link.pass(passed.unwrap_or(given), moment).map(Some)
+        })
     }
 
     /// Whether it moves things.

@@ -57,7 +57,7 @@ impl Edges {
             if treatment.close > 0 {
                 // What lies beyond the frame is neither chosen nor left out.
                 for value in [true, false] {
-                    self.spread(lines, treatment.close as usize, value);
+                    self.spread(lines, treatment.close, value);
                 }
             }
             if treatment.smallest > 0 {
@@ -68,7 +68,7 @@ impl Edges {
             }
         }
         if treatment.soft > 0 {
-            let soft = treatment.soft as usize;
+            let soft = treatment.soft;
             self.weights.clear();
             self.weights.resize(weights.len(), 0);
             average(weights, &mut self.weights, &mut self.sums, lines[0], soft);

@@ -266,7 +266,7 @@ fn what_cannot_say_where_it_moves_things_is_refused_where_there_are_labels() {
         run("set", &[&with[..], &["--labels", "keep"]].concat(), &format!("{name}-keep")).succeed();
     }
     let suite = |name: &str| corrupt(folder.path(), "set", &["--suite", name], "suite");
-    suite("default").fail(1, &["sample_pairing_filter", "cannot say"]);
+    suite("default").fail(1, &["sample_pairing_filter", "cannot describe"]);
     suite("defaults").fail(1, &["there is no suite `defaults`", "`imagenet_c`"]);
     fs::write(folder.path().join("set/a.xml"), "<annotation><bndbox/></annotation>").unwrap();
     run("set", &["--with", "rotate_image@1"], "xml").fail(1, &["a.xml", "COCO"]);
