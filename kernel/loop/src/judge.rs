@@ -180,6 +180,6 @@ mod tests {
         }
         let measures = judge.measures().unwrap();
         assert_eq!((measures.over_line_from, measures.over_line_seconds), (Some(1.0), 1.5));
-        assert!(judge(1.0).measures().is_none());
+        assert!(judge_by(FailureCriteria::default(), 1.0).measures().is_none());
     }
 }
