@@ -23,6 +23,8 @@ mod fixture;
 mod gradient_tests;
 #[cfg(test)]
 mod saliency_tests;
+#[cfg(test)]
+mod sanity_tests;
 
 mod driver {
     //! The drivers: [`onnx`] runs a network in a file, the others those that are part of this plugin: [`built_in`] has them by name, and
