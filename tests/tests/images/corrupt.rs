@@ -341,7 +341,7 @@ fn a_plain_copy_says_what_was_recorded_and_what_was_not() {
     let folder = temp();
     let data = folder.path().join("drive");
     fs::create_dir(&data).unwrap();
-    // Nobody recorded the throttle.
+    // The throttle was not recorded.
     let mut table = "image,steering,speed\n".to_owned();
     for number in 0..4_u32 {
         pictures::road(48, 32, number).save(data.join(format!("{number}.png"))).unwrap();
