@@ -30,6 +30,7 @@ pub mod hsv;
 pub mod ice;
 pub mod jpeg;
 pub mod layer;
+pub mod light;
 pub mod low_pass;
 pub mod mask;
 pub mod noise;
