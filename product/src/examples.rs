@@ -23,6 +23,10 @@ pub const EXAMPLES: &[Examples] = &[
                 "pdk gate runs/standard-1 pilot.onnx --suite standard --markdown verdict.md --junit verdict.xml",
                 "a network of your own against the driver that passed the last gate, for continuous integration",
             ),
+            (
+                "pdk gate old.onnx new.onnx --suite route.toml",
+                "two networks on the frames of a recording, which route.toml names in a [[recording]]",
+            ),
         ],
     ),
     (
@@ -32,6 +36,10 @@ pub const EXAMPLES: &[Examples] = &[
             (
                 "pdk verify verdict.json --probes 200 --draw unforeseen",
                 "more drives, which the maker of the verdict could not foresee",
+            ),
+            (
+                "pdk verify runs/route-1 --scenario 1ef88c9d9b53454cf9e0f191320c2799",
+                "one block of a recording that the new driver fails, again",
             ),
         ],
     ),
@@ -52,6 +60,29 @@ pub const EXAMPLES: &[Examples] = &[
             (
                 "pdk perturb drive.mp4 --with gaussian_blur@1 --with dirty_lens@2 -o worse.mp4",
                 "two perturbations, one after the other, on a video",
+            ),
+        ],
+    ),
+    (
+        "why",
+        &[
+            ("pdk why runs/study-1 --scenario 12", "which frames and which part of them made the drive fail"),
+            (
+                "pdk why runs/study-1 --scenario 12 --clips -o why-12",
+                "and videos of the drives that prove it",
+            ),
+        ],
+    ),
+    (
+        "gradient",
+        &[
+            (
+                "pdk gradient pilot.onnx -o gradient.onnx --of steering",
+                "the gradient of the steering with respect to the image",
+            ),
+            (
+                "pdk gradient pilot.onnx -o loss.onnx --of 'squared_error(steering)' --by weights",
+                "the gradient of a loss with respect to all weights, as training needs it",
             ),
         ],
     ),
@@ -130,7 +161,7 @@ pub const EXAMPLES: &[Examples] = &[
     (
         "doctor",
         &[
-            ("pdk doctor", "whether all is there"),
+            ("pdk doctor", "whether everything that pdk needs is there"),
             ("pdk doctor --simulator carla", "whether a simulator can be reached"),
         ],
     ),

@@ -7,9 +7,9 @@ pub struct Moment<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// The vehicle's speed in metres per second, where it is known.
+    /// The vehicle's speed in metres per second, if it is known.
     pub speed: Option<f64>,
-    /// How far the vehicle has driven since the start of the sequence, in metres, where it is known.
+    /// How far the vehicle has driven since the start of the sequence, in metres, if it is known.
     pub travelled: Option<f64>,
     /// How long a frame lasts at the camera's rate, in seconds, where it is known.
     pub period: Option<f64>,

@@ -5,6 +5,7 @@
 //! | `manifest.json` | what was run: pipeline, settings, seed, versions and hashes of all components and models |
 //! | `scenarios.jsonl` | the ledger: one line for each scenario of the closed loop |
 //! | `results.jsonl` | one line for each frame, perturbation and level of an offline evaluation |
+//! | `blocks.jsonl` | one line for each block of a recording that a gate had a driver look at |
 //! | `results.journal` | while an evaluation is under way: what is done and not among the results yet |
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
@@ -48,6 +49,8 @@ pub const REPORT: &str = "report.html";
 pub const VERDICT: &str = "verdict.json";
 /// The folder of the clips that the page shows.
 pub const CLIPS: &str = "clips";
+/// The name of the file with one line a block of a recording that a gate had drivers look at.
+pub const BLOCKS: &str = "blocks.jsonl";
 
 /// Held by the process that writes the record, like the folder itself; the system gives both back however that process ends.
 const LOCK: &str = ".lock";
@@ -69,6 +72,7 @@ pub fn is_own(name: &str) -> bool {
         REPORT,
         VERDICT,
         CLIPS,
+        BLOCKS,
         LOCK,
         TRACES,
     ];
@@ -279,7 +283,7 @@ fn is_ours(path: &Path) -> Result<bool> {
         // A pipeline may save files of its own beside those of the kernel, and searches save tables.
         let whole = file::whole_of(&name);
         let saved = is_saved(whole.unwrap_or(&name));
-        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part", JOURNAL].contains(&&*name);
+        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part", JOURNAL, BLOCKS].contains(&&*name);
         let made_of_it = [TRACES, REPORT, CLIPS].contains(&whole.unwrap_or(&name));
         let known = name == LOCK || whole == Some(MANIFEST) || begun && (saved || lines || made_of_it);
         if !known {

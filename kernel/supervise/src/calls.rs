@@ -27,9 +27,9 @@ const NO_FRAME: u64 = u64::MAX;
 /// The environment variable with the number of the open file that holds the page.
 pub(crate) const PAGE_VARIABLE: &str = "PDK_CALLS";
 
-/// Writes [`Function`] from a list of the functions, each with its name.
+/// Declares the functions, with the names that the traits give them.
 macro_rules! functions {
-    ($($(#[$doc:meta])* $function:ident $name:literal;)*) => {
+    ($($(#[$doc:meta])* $function:ident: $name:literal;)*) => {
         /// A function of a component, as it is named to the user.
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[repr(u32)]
@@ -52,63 +52,63 @@ macro_rules! functions {
 
 functions! {
     /// Loading the library, and asking what is in it.
-    Load "load";
+    Load: "load";
     /// Making an instance.
-    New "new";
+    New: "new";
     /// Size and rate of the camera.
-    Camera "camera";
+    Camera: "camera";
     /// The start of a scenario.
-    Reset "reset";
+    Reset: "reset";
     /// The next frame of a simulator.
-    Frame "frame";
+    Frame: "frame";
     /// A control for a simulator.
-    Act "act";
+    Act: "act";
     /// The road that a simulator built.
-    Waypoints "waypoints";
+    Waypoints: "waypoints";
     /// A frame for a perturbation.
-    Apply "apply";
+    Apply: "apply";
     /// A frame for a driver.
-    Drive "drive";
+    Drive: "drive";
     /// A frame for a predictor.
-    Predict "predict";
+    Predict: "predict";
     /// What a driver or a dataset says of itself.
-    Info "info";
+    Info: "info";
     /// The files that a component reads.
-    InputFiles "input_files";
+    InputFiles: "input_files";
     /// The number of frames in a dataset.
-    Len "len";
+    Len: "len";
     /// The name of a frame in a dataset.
-    Name "name";
+    Name: "name";
     /// A frame of a dataset.
-    Read "read";
+    Read: "read";
     /// Where in its recording a frame of a dataset lies.
-    Position "position";
+    Position: "position";
     /// The size of a saliency map.
-    MapSize "map_size";
+    MapSize: "map_size";
     /// A frame for a saliency method.
-    Map "map";
+    Map: "map";
     /// A frame for a mask.
-    Weights "weights";
+    Weights: "weights";
     /// What the pixels of a simulator's frame show.
-    Labels "labels";
+    Labels: "labels";
     /// What a simulator will be asked for besides frames.
-    Annotate "annotate";
+    Annotate: "annotate";
     /// How far away the pixels of a simulator's frame are.
-    Depth "depth";
+    Depth: "depth";
     /// The beginning of a search.
-    Start "start";
+    Start: "start";
     /// Candidates of a search.
-    Ask "ask";
+    Ask: "ask";
     /// Results for a search.
-    Tell "tell";
+    Tell: "tell";
     /// The end of an instance.
-    Drop "drop";
+    Drop: "drop";
     /// Where a perturbation moves points.
-    MovePoints "move_points";
+    MovePoints: "move_points";
     /// What a driver gets besides the frame.
-    Observe "observe";
+    Observe: "observe";
     /// What becomes of a control.
-    Actuate "actuate";
+    Actuate: "actuate";
 }
 
 /// Both processes see this.
@@ -257,7 +257,7 @@ pub struct Seen {
     pub name: String,
     /// The function.
     pub function: Function,
-    /// The frame, where it is called for one.
+    /// The frame, if it is called for one.
     pub frame: Option<u64>,
     /// For how long.
     pub lasting: Duration,
@@ -338,7 +338,7 @@ impl Thread {
         }
         Some(Seen {
             name: String::from_utf8_lossy(&name).into_owned(),
-            function: Function::ALL.iter().copied().find(|known| *known as u32 == function)?,
+            function: *Function::ALL.iter().find(|known| **known as u32 == function)?,
             frame: (frame != NO_FRAME).then_some(frame),
             lasting: Duration::from_nanos(now().saturating_sub(since)),
         })

@@ -3,61 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pdk_abi::each_kind;
 pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// Writes [`Kind`], and the function that begins a description of each, from a list of the kinds in the order in which they are listed for
-/// people.
-macro_rules! kinds {
-    ($($kind:ident $name:ident: $does:literal, $describes:literal;)*) => {
-        /// The kinds of component.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        pub enum Kind {
-            $(#[doc = $does] $kind,)*
-        }
-
-        impl Kind {
-            /// All kinds, in the order in which they are listed.
-            pub const ALL: [Kind; [$(stringify!($kind)),*].len()] = [$(Kind::$kind),*];
-
-            /// The name as it is written in lists and on the command line.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Kind::$kind => stringify!($name),)*
-                }
-            }
-        }
-
-        impl Description {
-            $(
-                #[doc = concat!("Describes ", $describes, ".")]
-                #[track_caller]
-                pub fn $name(name: &str, doc: &str) -> Self {
-                    Self::of(Kind::$kind, name, doc)
-                }
-            )*
-        }
-    };
-}
-
-kinds! {
-    Perturbation perturbation: "Changes a frame.", "a perturbation";
-    Simulator simulator: "Renders frames and moves the vehicle.", "a simulator";
-    Driver driver: "Looks at a frame and steers.", "a driver";
-    Saliency saliency: "Says which pixels matter to a driver.", "a saliency method";
-    Mask mask: "Says where frames are to be perturbed.", "a mask";
-    Search search: "Proposes scenarios and learns from outcomes.", "a search strategy";
-    Predictor predictor: "Looks at a frame and gives values by name, such as scores of classes.", "a predictor";
-    Dataset dataset: "Reads recorded frames with their ground truth.", "a dataset reader";
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
+pub use crate::kinds::Kind;
 
 /// Whether a perturbation looks at one frame only or moves over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,7 +28,7 @@ pub enum Geometry {
     Kept,
     /// Things move, and [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
     Moved,
-    /// Things move, or appear in further places, in a way that it cannot say.
+    /// Things move, or appear in further places, in a way that it cannot describe.
     Altered,
     /// It does not say, as plugins of before this field. Labels are not kept on trust: a user has to decide.
     #[default]
@@ -235,7 +186,7 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
-    /// BLAKE3 of the file that it stands for, such as a network, where that is part of its library; in hexadecimal, empty for all
+    /// BLAKE3 of the file that it stands for, such as a network, if that is part of its library; in hexadecimal, empty for all
     /// others. The same file beside a pipeline is the same component.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub blake3: String,
@@ -293,7 +244,7 @@ impl Description {
         self
     }
 
-    /// Sets the version of the algorithm; 1 where it is not set.
+    /// Sets the version of the algorithm; 1 if it is not set.
     pub fn version(mut self, version: u32) -> Self {
         self.version = version;
         self
@@ -317,7 +268,7 @@ impl Description {
         self
     }
 
-    /// Says that it is the one of its kind that is used if none is named.
+    /// Makes it the default of its kind: the one that is used if none is named.
     pub fn preferred(mut self) -> Self {
         self.preferred = true;
         self
@@ -458,7 +409,7 @@ impl Description {
         self
     }
 
-    /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
+    /// Says that things move, or appear in further places, in a way that it cannot describe: see [`Geometry::Altered`].
     pub fn alters_geometry(mut self) -> Self {
         self.geometry = Geometry::Altered;
         self
@@ -483,6 +434,23 @@ impl Description {
         self
     }
 }
+
+/// The functions that begin a description, one for each kind.
+macro_rules! begin {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
+        impl Description {
+            $(
+                #[doc = concat!("Begins the description of a ", $one, ".")]
+                #[track_caller]
+                pub fn $name(name: &str, doc: &str) -> Self {
+                    Self::of(Kind::$kind, name, doc)
+                }
+            )*
+        }
+    };
+}
+
+each_kind!(begin);
 
 /// Files that become components of their own when they lie in a certain folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

@@ -11,11 +11,13 @@
 //! | [`drives`] | the same with any number of drives a road |
 //! | [`mean`] | a mean over roads |
 //! | [`blocks`] | a mean over frames of a recording, which resemble their neighbours |
+//! | [`neighbours`] | whether blocks of a recording resemble their neighbours |
 //! | [`exceeded`] | the level from which on a quantity exceeds a tolerance |
 //! | [`paired`] | differences between two conditions on the same roads |
 //! | [`anytime`] | a mean of which one may look at the bounds as often as one likes |
 //! | [`independent`] | differences between two samples that have nothing to do with each other |
 //! | [`all_pairs`] | differences between all pairs of several conditions, with one error rate for all of them |
+//! | [`repeats`] | drives of the same scenario that come out differently, and what goes beyond that |
 //! | [`groups`] | ranks that cannot be told apart |
 //! | [`level`] | the level at which the probability of failing reaches one half, and how to find it with few drives |
 //! | [`ranking`] | which results of a search are better: domination, fronts, crowding |
@@ -44,6 +46,9 @@
 //! `tests/anytime.rs` looks at paired verdicts after every road: two drivers that are alike are called different in at most 5 % of studies,
 //! whatever their failure rate and however much their verdicts depend on each other.
 //!
+//! `tests/recordings.rs` does the same with blocks of recordings whose frames remember earlier ones: at most 5 %, also if blocks are only
+//! half as long as that memory, because a test waits while neighbours resemble each other.
+//!
 //! `tests/ranking.rs` checks groups: of 49 perturbations that are all alike, 94 to 100 % of studies make one group, with 8 and with 20 roads.
 
 pub mod all_pairs;
@@ -58,9 +63,11 @@ pub mod hypervolume;
 pub mod independent;
 pub mod level;
 pub mod mean;
+pub mod neighbours;
 pub mod paired;
 pub mod point;
 pub mod ranking;
+pub mod repeats;
 pub mod share;
 mod signs;
 pub mod tree;

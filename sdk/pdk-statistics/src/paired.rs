@@ -9,7 +9,7 @@ use crate::signs::Signs;
 /// Differences that are smaller than this are rounding: values are shares, metres and the like.
 const ROUNDING: f64 = 1e-9;
 
-/// What two conditions on the same roads differ by.
+/// The difference between two conditions on the same roads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Paired {
     /// The mean over roads of the first minus the second.
@@ -27,7 +27,7 @@ pub struct Paired {
 }
 
 /// Compares two conditions, of which there is one value a road, none if it was not driven; the roads are in the same order.
-/// `range` is what a value can be, infinite where it has no end. None if no road has both.
+/// `range` is what a value can be, infinite if it has no end. None if no road has both.
 pub fn compare(a: &[Option<f64>], b: &[Option<f64>], range: (f64, f64), confidence: f64) -> Option<Paired> {
     let differences: Vec<f64> = a.iter().zip(b).filter_map(|(a, b)| Some(rounded((*a)? - (*b)?))).collect();
     if differences.is_empty() {

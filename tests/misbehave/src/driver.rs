@@ -13,7 +13,7 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::driver("misbehave", "Misbehaves as told");
-        describe(description, &["new", "reset", "drop", "drive"], &and_ways(&["no_number", "wild"]))
+        describe(description, &["new", "reset", "drop", "drive"], &and_ways(&["no_number", "wild", "idle"]))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -37,7 +37,7 @@ impl Driver for Misbehaving {
             "wild" => 1e9,
             _ => brightness,
         };
-        Ok(Control { steering, throttle: 0.3 })
+        Ok(Control { steering, throttle: if self.manner.is("idle") { 0.0 } else { 0.3 } })
     }
 }
 

@@ -1,5 +1,7 @@
 //! A simulator that misbehaves.
 
+use std::hash::{BuildHasher, RandomState};
+
 use pdk_sdk::prelude::*;
 
 use crate::manner::{Manner, describe};
@@ -16,6 +18,8 @@ const WRONG_FROM: u64 = 3;
 pub struct Misbehaving {
     manner: Manner,
     step: u64,
+    /// Whether the vehicle leaves its lane in this drive.
+    departs: bool,
 }
 
 impl Misbehaving {
@@ -37,6 +41,7 @@ impl Misbehaving {
         // Not from the start, so that there is something before it.
         if self.step >= WRONG_FROM {
             match self.manner.how.as_str() {
+                "draw" => state.lane_departure = self.departs,
                 "infinite_speed" => state.speed = f64::INFINITY,
                 "huge_speed" => state.speed = 1e200,
                 "huge_position" => state.position[0] = 1e308,
@@ -77,12 +82,13 @@ impl Component for Misbehaving {
             "huge_time",
             "refuse_first_slot",
             "refuse_every_slot",
+            "draw",
         ];
         describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &and_ways(&own))
     }
 
     fn new(config: &Config) -> Result<Self> {
-        Ok(Self { manner: Manner::new(config), step: 0 })
+        Ok(Self { manner: Manner::new(config), step: 0, departs: false })
     }
 }
 
@@ -100,12 +106,15 @@ impl Simulator for Misbehaving {
         }
     }
 
-    fn reset(&mut self, _scenario: &Scenario, slot: u32) -> Result<State> {
+    fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {
         self.manner.reach("reset");
         if self.manner.is("refuse_every_slot") || self.manner.is("refuse_first_slot") && slot == 0 {
             return Err(Error::of(ErrorKind::Configuration, format!("the port of slot {slot} is taken")));
         }
         self.step = 0;
+        // In one scenario of four, the vehicle leaves its lane every other time. What is drawn is not the scenario's.
+        let luck = RandomState::new().hash_one(0);
+        self.departs = self.manner.is("draw") && scenario.seed.is_multiple_of(4) && luck.is_multiple_of(2);
         Ok(self.state())
     }
 
@@ -118,8 +127,10 @@ impl Simulator for Misbehaving {
         Ok(self.state())
     }
 
-    fn act(&mut self, _control: Control) -> Result<State> {
+    fn act(&mut self, control: Control) -> Result<State> {
         self.manner.reach_frame("act", self.step);
+        // A perturbation that makes frames brighter has the driver of this plugin steer more. One that gives no throttle is a bad one.
+        self.departs |= self.manner.is("draw") && (control.steering > 0.09 || control.throttle == 0.0);
         self.step += 1;
         Ok(self.state())
     }

@@ -22,8 +22,8 @@ fn perturbations() -> Vec<String> {
             let parameters = description["parameters"].as_array().unwrap();
             description.get("acts_on").is_none()
                 && parameters
-                .iter()
-                .all(|p| !p["default"].is_null() || p.get("levels").is_some() || p["type"] == "json")
+                    .iter()
+                    .all(|p| !p["default"].is_null() || p.get("levels").is_some() || p["type"] == "json")
         });
     let names: Vec<_> = ready.map(|description| description["name"].as_str().unwrap().to_owned()).collect();
     assert!(names.len() >= 12 && names.contains(&"banding".to_owned()), "{names:?}");

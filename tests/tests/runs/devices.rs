@@ -12,7 +12,8 @@ use pdk_tests::{Pdk, temp};
 /// A short road for the embedded simulator in small frames, 20 a second.
 const SIMULATOR: &str = "{ name = 'lane', width = 80, height = 60, rate = 20 }";
 /// A perturbation in Lua: half of the control before, and a speed that is doubled.
-const HALVED: &str = "return { doc = 'Halves the control before', history = 1, actuate = function(control, cx)
+const HALVED: &str =
+    "return { doc = 'Halves the control before', history = 1, actuate = function(control, cx)
     local before = cx.history[1]
     assert(cx.period == 0.05 and (before == nil or before.frame_index == cx.frame_index - 1))
     control.steering = if before then before.given.steering / 2 else 0
@@ -23,7 +24,8 @@ const DOUBLED: &str = "return { doc = 'Doubles the speed', observe = function(to
 fn driven(folder: &Path, out: &Path, perturbations: &[&str], workers: &str) -> Vec<Vec<Step>> {
     fs::write(folder.join("halved.lua"), HALVED).unwrap();
     fs::write(folder.join("doubled.lua"), DOUBLED).unwrap();
-    let scenarios: String = perturbations.iter().map(|list| format!("    {{ perturbations = {{ {list} }} }},\n")).collect();
+    let scenarios: String =
+        perturbations.iter().map(|list| format!("    {{ perturbations = {{ {list} }} }},\n")).collect();
     let source = format!(
         "for _, scenario in {{\n{scenarios}}} do
     scenario.simulator = {SIMULATOR}
@@ -112,7 +114,11 @@ fn what_is_not_in_pictures_is_refused_where_there_are_only_pictures() {
     pdk_tests::pictures::write(&picture, 60, 40);
     let out = folder.path().join("out.png");
     let sentence = "perturbation `late_controls@2`: it changes the control on its way to the vehicle, which there is in drives alone; leave it out";
-    Pdk::new(["perturb"]).arg(&picture).args(["--with", "late_controls@2", "-o"]).arg(&out).fail(1, &[sentence]);
+    Pdk::new(["perturb"])
+        .arg(&picture)
+        .args(["--with", "late_controls@2", "-o"])
+        .arg(&out)
+        .fail(1, &[sentence]);
     let file = pipeline(
         folder.path(),
         "pdk.drive { driver = 'lane_keeper', perturbations = { { name = 'late_controls', level = 2, region = { box = { 0, 0, 1, 0.5 } } } } }",
@@ -137,10 +143,22 @@ fn a_script_that_changes_no_frames_is_checked_by_its_own_rules() {
     );
     assert!(remembers.stdout.contains("alone than after others"), "{}{}", remembers.stdout, remembers.stderr);
     for (body, expected) in [
-        ("actuate = function(control) control.steer = 1 end", "the control has no field `steer`; did you mean `steering`?"),
-        ("actuate = function(control) control.steering = 'left' end", "it leaves `steering` as a text, but it has to be a number"),
-        ("observe = function() return 1 end", "it returns a number, but has to change the table in place and return nothing"),
-        ("observe = print, apply = print", "the script has both `apply` and `observe`, but does one thing; leave one out"),
+        (
+            "actuate = function(control) control.steer = 1 end",
+            "the control has no field `steer`; did you mean `steering`?",
+        ),
+        (
+            "actuate = function(control) control.steering = 'left' end",
+            "it leaves `steering` as a text, but it has to be a number",
+        ),
+        (
+            "observe = function() return 1 end",
+            "it returns a number, but has to change the table in place and return nothing",
+        ),
+        (
+            "observe = print, apply = print",
+            "the script has both `apply` and `observe`, but does one thing; leave one out",
+        ),
         ("observe = print, geometry = 'kept'", "what does not change frames moves nothing"),
     ] {
         let ran = check(&format!("return {{ doc = 'x', {body} }}"));

@@ -128,7 +128,7 @@ fn a_worse_driver_fails_with_a_code_of_its_own_and_its_failures_are_kept() {
     assert!(markdown.contains("| not worse | not met |") && markdown.contains(command), "{markdown}");
     let junit = fs::read_to_string(file("a.xml")).unwrap();
     assert!(
-        junit.contains("failures=\"1\"") && junit.contains("<failure message=\"worse\" type=\"not met\">"),
+        junit.contains("failures=\"1\"") && junit.contains("<failure type=\"not met\" message=\"worse\">"),
         "{junit}"
     );
     assert_eq!(json_file(&file("a.json")), json_file(&out.join("verdict.json")));
@@ -256,7 +256,7 @@ fn what_a_verification_lacks_is_named() {
     forge(&out.join("verdict.json"), |verdict| {
         verdict.new.component.parameters.insert("engine".to_owned(), "tract 0.0.0/abacus".into());
     });
-    verify().fail(1, &["cannot be verified on this machine, whose networks are computed otherwise"]);
+    verify().fail(1, &["cannot be verified on this machine, because it computes networks differently"]);
 }
 
 #[test]
@@ -267,7 +267,7 @@ fn mistakes_are_named() {
         Pdk::new(["gate", old, "lane_keeper", "--suite", suite]).folder(folder.path())
     };
     let file = suite.display().to_string();
-    with("lane_keeper", "smok").fail(1, &["pdk comes with no suite `smok`", "did you mean `smoke`?"]);
+    with("lane_keeper", "smok").fail(1, &["there is no built-in suite `smok`", "did you mean `smoke`?"]);
     with("lane_keper", &file).fail(1, &["there is no driver `lane_keper`; did you mean `lane_keeper`?"]);
     with("missing.onnx", &file).fail(1, &["missing.onnx", "a network is named by its file"]);
     with(".", &file).fail(1, &["is a folder without a record of a run"]);
@@ -322,6 +322,60 @@ tolerated = 0.6
             .all(|entry| entry["driver"] == "new")
     );
     Pdk::new(["verify"]).arg(folder.path().join("out")).succeed();
+}
+
+/// A suite for a simulator that draws in one scenario of four whether the driver fails, and where a perturbation makes it fail.
+const DRAWN: &str = r#"
+name = "drawn"
+version = 1
+perturbations = ["increase_brightness@4"]
+nominal = 0.6
+
+[[place]]
+simulator = { name = "misbehave", how = "draw" }
+road = { segments = 4, segment = 25 }
+
+[test]
+tolerated = 0.45
+pairs = 60
+repeats = 5
+ahead = 4
+"#;
+
+#[test]
+fn drives_that_do_not_repeat_are_repeated_and_told_apart_from_what_differs() {
+    let folder = temp();
+    let suite = suite(folder.path(), DRAWN);
+    let out = folder.path().join("out");
+    let ran = gate("misbehave", "misbehave,at=-1", &suite, &out).misbehave().arg("--json").run();
+    let found = ran.json();
+    let decision = &found["verdict"]["decision"];
+    let luck = &decision["luck"];
+    let value = |name: &str| luck[name]["value"].as_f64().unwrap();
+    // The probability that two drives differ is an eighth with a clear view, and none under the perturbation.
+    assert!(value("clear") < 0.5 && luck["clear"]["high"].as_f64().unwrap() > 0.1, "{luck}");
+    assert_eq!((value("perturbed"), value("fails_perturbed")), (0.0, 1.0), "{luck}");
+    assert!(value("fails_clear") < 0.5 && value("beyond").abs() < 0.4, "{luck}");
+    assert_eq!(luck["scenarios"], decision["findings"][0]["scenarios"]);
+    // Each scenario was driven twice or more often by both, up to five times, with the same luck.
+    let entries = found["verdict"]["entries"].as_array().unwrap();
+    let repeats: Vec<u64> =
+        entries.iter().map(|entry| entry["repeat"].as_u64().unwrap_or_default()).collect();
+    assert!(repeats.contains(&1) && repeats.iter().all(|repeat| *repeat < 5), "{repeats:?}");
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let seeds: Vec<&Value> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
+    assert!(seeds.iter().all(|seed| seeds.iter().filter(|other| other == &seed).count() >= 4));
+    // The verdict agrees with itself, though no drive comes out as another.
+    Pdk::new(["verify", "--probes", "0"]).arg(&out).misbehave().succeed();
+    // A driver that fails always is found, and its failures are more than luck.
+    let worse = gate("misbehave", "misbehave,how=idle", &suite, &folder.path().join("worse"));
+    let ran = worse.misbehave().args(["--markdown"]).arg(folder.path().join("a.md")).run();
+    assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
+    assert!(ran.stdout.contains("the simulator does not repeat itself: a second drive"), "{}", ran.stdout);
+    let markdown = fs::read_to_string(folder.path().join("a.md")).unwrap();
+    assert!(markdown.contains("of these points are more than luck"), "{markdown}");
+    let verdict = json_file(&folder.path().join("worse/verdict.json"));
+    assert!(verdict["decision"]["luck"]["beyond"]["value"].as_f64().unwrap() > 0.2, "{verdict}");
 }
 
 /// Where a weight of a network lies: a place around which the bytes are numbers as weights are.

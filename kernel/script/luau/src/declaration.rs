@@ -49,7 +49,7 @@ fn functions(table: &Table) -> Result<Vec<&'static str>> {
     Ok(found)
 }
 
-/// Checks what a script returned. `stem` is the name it has where it gives none.
+/// Checks what a script returned. `stem` is the name it has if it gives none.
 ///
 /// # Errors
 /// Names the field that is missing, unknown or of the wrong type.

@@ -42,7 +42,7 @@ pub(crate) struct Found {
     pub root: Root,
     /// Its folder, seen from the root.
     pub folder: PathBuf,
-    /// Its text where it is part of pdk.
+    /// Its text if it is part of pdk.
     built_in: Option<&'static str>,
 }
 

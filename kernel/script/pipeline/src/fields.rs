@@ -58,7 +58,7 @@ impl Fields {
         self.fields.get(field).is_some_and(|value| !value.is_null())
     }
 
-    /// A field of any type; null where it is not set.
+    /// A field of any type; null if it is not set.
     pub fn any(&mut self, field: &str) -> Value {
         self.fields.shift_remove(field).unwrap_or_default()
     }

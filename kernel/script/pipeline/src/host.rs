@@ -9,6 +9,7 @@ mod finishing;
 mod frames;
 mod inside;
 mod record;
+pub(crate) mod recordings;
 mod scenarios;
 mod searches;
 mod searching;

@@ -5,15 +5,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pdk_components::catalog::Catalog;
+use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame};
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Session, Submission, Ticket};
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::finished::Finished;
 use crate::host::Host;
+pub use crate::host::recordings::frames_of;
+use crate::readers::Recording;
 use crate::run::{Options, Script, start};
 pub use crate::used::Used;
 
@@ -82,6 +85,37 @@ impl Program {
     /// If the session cannot go on.
     pub fn wait(&mut self, ticket: Ticket) -> Result<Arc<Line>> {
         self.host.line(ticket)
+    }
+
+    /// Opens a recording: a folder, a file, or a reader with its parameters. Its files are noted.
+    ///
+    /// # Errors
+    /// If no reader opens it.
+    pub fn recording(&mut self, dataset: &Value) -> Result<Recording> {
+        self.host.recording(dataset)
+    }
+
+    /// Makes sure that the components can be made that frames of a recording need, notes them in the record, and returns its folder.
+    ///
+    /// # Errors
+    /// If a component cannot be made, or the record cannot be written or is that of another run.
+    pub fn use_for(&mut self, frames: &EvaluateFrames) -> Result<&Path> {
+        self.host.use_for_frames(frames)?;
+        let none = || Error::new("the record has no folder, which is a defect in pdk");
+        self.host.folder().ok_or_else(none)
+    }
+
+    /// Submits frames of a recording for a driver.
+    pub fn evaluate(&mut self, frames: EvaluateFrames) -> Ticket {
+        self.host.evaluate_frames(frames)
+    }
+
+    /// Waits for what frames came to, one for each.
+    ///
+    /// # Errors
+    /// If a component took its process along, or the session cannot go on.
+    pub fn evaluated(&mut self, ticket: Ticket) -> Result<Vec<EvaluatedFrame>> {
+        self.host.evaluated(ticket)
     }
 
     /// What the run has used so far.

@@ -1,9 +1,82 @@
-//! Finds the dataset reader for a folder or file: the first one that recognises it.
+//! Finds the dataset reader for a folder or file: the first one that recognises it. Opens recordings.
 
-use pdk_model::component::ComponentSpec;
-use pdk_sdk::error::{Error, ErrorKind, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use pdk_components::catalog::Catalog;
+use pdk_components::hash;
+use pdk_loop::protocol::Made;
+use pdk_model::component::ComponentSpec;
+use pdk_record::files::{FileRecord, recorded};
+use pdk_record::manifest::InUse;
+use pdk_record::settle::Settler;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::input_files::InputFiles;
+use pdk_session::session::Session;
+use serde_json::Value;
+
+pub use crate::requests::DatasetSpec;
+
+/// A recording that was opened.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// Its reader.
+    pub reader: ComponentSpec,
+    /// What it is like.
+    pub made: Made,
+    /// The hash of its contents.
+    pub content: String,
+}
+
+/// Opens a recording outside of a run: a folder, a file, or a reader with its parameters.
+///
+/// # Errors
+/// If no reader opens it.
+pub fn recording(session: &mut Session, dataset: &Value) -> Result<Recording> {
+    let catalog = session.catalog().clone();
+    let (mut reader, made) = match DatasetSpec::from_json(dataset)? {
+        DatasetSpec::Path(path) => open(&catalog, &path, |reader| session.make(Kind::Dataset, reader))?,
+        DatasetSpec::Reader(reader) => {
+            let made = session.make(Kind::Dataset, &reader)?;
+            (reader, made)
+        }
+    };
+    let (settled, contents) = (&mut Vec::new(), &mut BTreeMap::new());
+    Settler { catalog: &catalog, wanted: BTreeMap::new(), settled, contents }
+        .component(Kind::Dataset, &mut reader);
+    let groups = session.input_files(Kind::Dataset, &reader)?;
+    let mut in_use = InUse::default();
+    in_use.add_input_files(&groups, &mut |_, _| Ok(()))?;
+    let content = content(&reader, &groups, &in_use.files())?;
+    Ok(Recording { reader, made, content })
+}
+
+/// The hash of what is in a recording: in the groups of files that its reader reads, of which there are records, and in the files that its
+/// parameters name.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn content(reader: &ComponentSpec, groups: &[InputFiles], files: &[FileRecord]) -> Result<String> {
+    let mut hasher = blake3::Hasher::new_derive_key("pdk recording, version 1");
+    for group in groups {
+        let folder = recorded(&group.folder);
+        let record = files.iter().find(|file| file.path == folder && file.group == group.what);
+        let content = record.map(|file| file.blake3.as_str()).ok_or_else(|| {
+            Error::new(format!(
+                "the {} in {} were not read, which is a defect in pdk",
+                group.what,
+                folder.display()
+            ))
+        })?;
+        hasher.update(content.as_bytes());
+    }
+    let named = reader.parameters.values().filter_map(Value::as_str).map(Path::new);
+    for file in named.filter(|path| path.is_file()) {
+        hasher.update(hash::of(file)?.as_bytes());
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
 
 /// Why no reader opened a folder or file.
 pub struct Unopened {

@@ -89,7 +89,7 @@ fn duration(fields: &mut Fields, name: &str, before: Option<f64>) -> Result<Opti
 const FAILURE: [&str; 5] =
     ["lane_departure", "comparison", "standstill_speed", "standstill_seconds", "over_line"];
 
-/// What scenarios have if they do not say it themselves.
+/// The defaults of scenarios.
 #[derive(Debug, Clone)]
 pub struct Defaults {
     shared: Shared,
@@ -243,6 +243,19 @@ pub enum DatasetSpec {
     Reader(ComponentSpec),
 }
 
+impl DatasetSpec {
+    /// What a pipeline or a suite names: a text is a folder or a file, and all else a reader.
+    ///
+    /// # Errors
+    /// If it is neither.
+    pub fn from_json(value: &Value) -> Result<Self> {
+        Ok(match value {
+            Value::String(path) => Self::Path(path.clone()),
+            other => Self::Reader(ComponentSpec::from_json("dataset", other)?),
+        })
+    }
+}
+
 impl Evaluate {
     /// Reads what a pipeline wrote.
     ///
@@ -271,10 +284,7 @@ impl Evaluate {
 /// # Errors
 /// If it is missing, or is not a dataset.
 pub fn dataset(fields: &mut Fields) -> Result<DatasetSpec> {
-    Ok(match fields.needed("dataset")? {
-        Value::String(path) => DatasetSpec::Path(path),
-        other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
-    })
+    DatasetSpec::from_json(&fields.needed("dataset")?)
 }
 
 /// Each perturbation of a request at each of its levels.

@@ -58,7 +58,7 @@ impl Script {
             let known = pipelines.iter().map(|script| script.name);
             let script = pipelines.iter().find(|script| script.name == name).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no pipeline `{name}`, and a file is named with its folder or its ending, as in ./{name}; {}",
+                    "there is no built-in pipeline `{name}`; to run a file, write its folder or its ending, as in ./{name}; {}",
                     suggest::hint(&name, known)
                 ))
             })?;

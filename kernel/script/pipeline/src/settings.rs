@@ -268,7 +268,7 @@ mod tests {
         {
             let error = with(text).unwrap_err().to_string();
             assert!(
-                error.starts_with("--set ") && error.contains("` is there twice; write it once"),
+                error.starts_with("--set ") && error.contains("` occurs twice; write it once"),
                 "{error}"
             );
         }

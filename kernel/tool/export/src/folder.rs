@@ -47,7 +47,7 @@ struct Folder<'a> {
 }
 
 impl Folder<'_> {
-    /// The place of a file, in a folder that is there.
+    /// The path of a file, in a folder that exists.
     fn place(&mut self, name: &str) -> Result<PathBuf> {
         let path = self.path.join(name);
         if let Some(parent) = path.parent() {
@@ -128,7 +128,7 @@ pub fn write(from: &Path, kind: Kind, to: &Path) -> Result<Written> {
             let replay = |number: usize| {
                 replays.get(&(number as u64)).map(|scenario| scenario.replay.clone()).unwrap_or_default()
             };
-            folder.write("junit.xml", junit::junit(&run.title, &lines, &replay)?.as_bytes())?;
+            folder.write("junit.xml", junit::scenarios(&run.title, &lines, &replay)?.as_bytes())?;
         }
     }
     Ok(Written { files: folder.files, warnings })

@@ -6,13 +6,13 @@
 //! | `flat` | lines of a record as flat CSV, a column for each field |
 //! | `telemetry` | all traces as flat CSV, a line for each frame |
 //! | `tables` | the tables of the report as CSV, Markdown and LaTeX |
-//! | `junit` | scenarios as test cases |
+//! | [`junit`] | scenarios, and what else is decided, as test cases |
 //!
 //! Equal records make equal files. A number that is not finite is an empty field.
 
 mod flat;
 pub mod folder;
-mod junit;
+pub mod junit;
 mod tables;
 mod telemetry;
 

@@ -53,6 +53,7 @@ pub fn of_scenarios<'a>(
         levels: Vec::new(),
         nominal: 0.0,
         places: Vec::new(),
+        recordings: Vec::new(),
         test: Test::default(),
         requirements: vec![Requirement::of(Kind::Passes { allowed: 0 })],
         scenarios: tables,
@@ -65,7 +66,8 @@ pub fn of_scenarios<'a>(
 mod tests {
     use super::*;
     use crate::fixture::suite;
-    use crate::step::{Series, steps};
+    use crate::series::Series;
+    use crate::step::steps;
     use serde_json::json;
 
     fn line(seed: u64, cause: &str) -> Line {

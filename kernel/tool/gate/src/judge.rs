@@ -2,19 +2,23 @@
 //! has the outcomes can make the decision again.
 
 use pdk_statistics::anytime::{Claim, Sequence, Side};
+use pdk_statistics::neighbours::Neighbours;
 use serde::{Deserialize, Serialize};
 
+use crate::loaded::Loaded;
+use crate::repeats::{Counted, Drove, Luck};
 use crate::requirement::{By, Kind, Requirement};
-use crate::step::{Series, Step};
+use crate::series::Series;
+use crate::step::Step;
 use crate::suite::{Suite, Undecided};
 
 /// What came of a scenario of a suite.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Seen {
-    /// Whether the old driver failed; none if only the new one drove.
-    pub old: Option<bool>,
-    /// Whether the new driver failed.
-    pub new: bool,
+    /// The drives of the old driver; none if only the new one drove.
+    pub old: Option<Drove>,
+    /// The drives of the new driver.
+    pub new: Drove,
     /// The measure of a requirement about one; none if the drive did not come to its end.
     pub measured: Option<f64>,
 }
@@ -75,6 +79,9 @@ pub struct Figures {
     pub tolerated: f64,
     /// The share of the suite's alpha that this test has.
     pub alpha: f64,
+    /// The correlation between the differences of blocks of recordings that follow each other; none for roads, and for few blocks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub neighbours: Option<f64>,
 }
 
 /// What a gate decides.
@@ -84,6 +91,9 @@ pub struct Decision {
     pub passed: bool,
     /// Every requirement, and each group of one that goes by groups.
     pub findings: Vec<Finding>,
+    /// How far drives of the same scenario disagree; none if no scenario was repeated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub luck: Option<Luck>,
 }
 
 /// A requirement, or a group of one, while scenarios are looked at.
@@ -101,7 +111,7 @@ enum Rule {
     Test(Box<Test>),
     NoNewFailure { fixed: usize, drawn: usize, found: usize },
     Passes { of: usize, allowed: usize },
-    Measure { place: usize, below: f64, above: f64, need: usize, of: usize, good: usize },
+    Measure { place: usize, below: f64, above: f64, need: usize, of: usize, good: usize, drawn: &'static str },
 }
 
 struct Test {
@@ -111,6 +121,7 @@ struct Test {
     not_worse: Claim,
     worse: Claim,
     seen: Sequence,
+    neighbours: Neighbours,
 }
 
 /// Which drawn scenarios belong to a test.
@@ -135,14 +146,16 @@ impl Group {
 pub struct Judge {
     checks: Vec<Check>,
     undecided: Undecided,
+    counted: Counted,
 }
 
 impl Judge {
     /// Nothing has been seen yet.
-    pub fn new(suite: &Suite) -> Self {
+    pub fn new(loaded: &Loaded) -> Self {
+        let suite = &loaded.suite;
         let mut checks = Vec::new();
         for (place, requirement) in suite.required().iter().enumerate() {
-            checks.extend(rules(suite, place, requirement).into_iter().map(|(title, rule)| Check {
+            checks.extend(rules(loaded, place, requirement).into_iter().map(|(title, rule)| Check {
                 title,
                 rule,
                 scenarios: 0,
@@ -158,11 +171,14 @@ impl Judge {
                 test.alpha = suite.test.alpha / tests as f64;
             }
         }
-        Self { checks, undecided: suite.test.undecided }
+        Self { checks, undecided: suite.test.undecided, counted: Counted::default() }
     }
 
     /// Looks at the next scenario.
-    pub fn look(&mut self, step: &Step, seen: Seen) {
+    pub fn look(&mut self, step: &Step, seen: &Seen) {
+        if let Some(old) = &seen.old {
+            self.counted.look(step, old, &seen.new);
+        }
         self.checks.iter_mut().filter(|check| check.state.is_none()).for_each(|check| check.look(step, seen));
     }
 
@@ -180,14 +196,14 @@ impl Judge {
             State::NotMet => false,
             State::Undecided => self.undecided == Undecided::Passed,
         });
-        Decision { passed, findings }
+        Decision { passed, findings, luck: self.counted.luck() }
     }
 }
 
 /// What a requirement comes to: one rule, or one for each group.
-fn rules(suite: &Suite, place: usize, requirement: &Requirement) -> Vec<(String, Rule)> {
-    let title = requirement.title();
-    let drawn = if suite.places.is_empty() { 0 } else { suite.test.pairs };
+fn rules(loaded: &Loaded, place: usize, requirement: &Requirement) -> Vec<(String, Rule)> {
+    let (suite, drawn) = (&loaded.suite, loaded.pairs());
+    let title = requirement.title(suite.drawn());
     let rule = match &requirement.kind {
         Kind::NotWorse { by, tolerated } => {
             let tolerated = tolerated.unwrap_or(suite.test.tolerated);
@@ -199,6 +215,7 @@ fn rules(suite: &Suite, place: usize, requirement: &Requirement) -> Vec<(String,
                     not_worse: Claim::new(Side::Below, tolerated),
                     worse: Claim::new(Side::Above, 0.0),
                     seen: Sequence::default(),
+                    neighbours: Neighbours::default(),
                 }))
             };
             let groups: Vec<(String, Group)> = match by {
@@ -231,6 +248,7 @@ fn rules(suite: &Suite, place: usize, requirement: &Requirement) -> Vec<(String,
             need: *need,
             of: *of,
             good: 0,
+            drawn: suite.drawn(),
         },
     };
     vec![(title, rule)]
@@ -247,8 +265,8 @@ fn levels(suite: &Suite) -> Vec<f64> {
 }
 
 impl Check {
-    fn look(&mut self, step: &Step, seen: Seen) {
-        let old = seen.old.unwrap_or_default();
+    fn look(&mut self, step: &Step, seen: &Seen) {
+        let (old, new) = (seen.old.as_ref().is_some_and(Drove::has_failed), seen.new.has_failed());
         let counts = match &self.rule {
             Rule::Test(test) => step.series == Series::Drawn && test.group.has(step),
             Rule::NoNewFailure { drawn, .. } => match step.series {
@@ -264,11 +282,13 @@ impl Check {
         }
         self.scenarios += 1;
         self.old_failed += usize::from(old);
-        self.new_failed += usize::from(seen.new);
+        self.new_failed += usize::from(new);
         self.state = match &mut self.rule {
-            Rule::Test(test) => test.look(f64::from(u8::from(seen.new)) - f64::from(u8::from(old))),
+            Rule::Test(test) => test.look(f64::from(u8::from(new)) - f64::from(u8::from(old)), step.place),
             Rule::NoNewFailure { fixed, drawn, found } => {
-                *found += usize::from(seen.new && !old);
+                // A verdict that is not stable may be luck.
+                let stable = seen.new.is_stable() && seen.old.as_ref().is_none_or(Drove::is_stable);
+                *found += usize::from(new && !old && stable);
                 if *found > 0 {
                     Some(State::NotMet)
                 } else {
@@ -305,7 +325,9 @@ impl Check {
             Rule::NoNewFailure { found: 0, .. } => (format!("none in {scenarios} scenarios"), None),
             Rule::NoNewFailure { .. } => (format!("one in {scenarios} scenarios"), None),
             Rule::Passes { .. } => (format!("fails {new_failed} of {scenarios}"), None),
-            Rule::Measure { good, need, .. } => (format!("{good} of {scenarios} roads, {need} needed"), None),
+            Rule::Measure { good, need, drawn, .. } => {
+                (format!("{good} of {scenarios} {drawn}, {need} needed"), None)
+            }
         };
         Finding {
             requirement: title.clone(),
@@ -320,14 +342,21 @@ impl Check {
 }
 
 impl Test {
-    fn look(&mut self, difference: f64) -> Option<State> {
+    fn look(&mut self, difference: f64, place: Option<usize>) -> Option<State> {
         self.seen.add(difference);
         self.not_worse.add(difference);
         self.worse.add(difference);
-        if self.worse.is_shown(self.alpha) {
-            Some(State::NotMet)
-        } else {
-            self.not_worse.is_shown(self.alpha).then_some(State::Met)
+        if let Some(place) = place {
+            self.neighbours.add(place, difference);
+        }
+        // The bounds take blocks for independent draws, so nothing is shown while neighbours resemble each other.
+        self.shown().filter(|_| !self.neighbours.resemble())
+    }
+
+    fn shown(&self) -> Option<State> {
+        match self.worse.is_shown(self.alpha) {
+            true => Some(State::NotMet),
+            false => self.not_worse.is_shown(self.alpha).then_some(State::Met),
         }
     }
 
@@ -339,6 +368,7 @@ impl Test {
             high: seen.upper(*alpha),
             tolerated: *tolerated,
             alpha: *alpha,
+            neighbours: self.neighbours.correlation(),
         }
     }
 
@@ -346,6 +376,10 @@ impl Test {
         match state {
             State::Met => format!("not worse by more than {}", figures.tolerated),
             State::NotMet => "worse".to_owned(),
+            State::Undecided if self.shown().is_some() => format!(
+                "neighbouring blocks resemble each other (correlation {:+.2}), so `block` is too small",
+                figures.neighbours.unwrap_or_default()
+            ),
             State::Undecided => format!("worse by {:+.2} to {:+.2}", figures.low, figures.high),
         }
     }
@@ -354,7 +388,7 @@ impl Test {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::{SMALL, suite};
+    use crate::fixture::{RECORDED, SMALL, open_recorded, suite};
     use crate::loaded::Loaded;
     use crate::step::step;
 
@@ -364,17 +398,18 @@ mod tests {
 
     /// Looks at drawn scenarios that ended like this; returns the decision and how many were looked at.
     fn judge(loaded: &Loaded, mut failed: impl FnMut(&Step) -> [bool; 2]) -> (Decision, usize) {
-        let mut judge = Judge::new(&loaded.suite);
+        let mut judge = Judge::new(loaded);
         for (looked, step) in crate::step::steps(loaded).enumerate() {
             if judge.is_over() {
                 return (judge.decide(), looked);
             }
             let step = step.unwrap();
             let [old, new] = failed(&step);
-            let seen = Seen { old: step.is_pair().then_some(old), new, measured: (!new).then_some(0.3) };
-            judge.look(&step, seen);
+            let drove = |failed: bool| Drove(vec![failed]);
+            let old = step.is_pair().then(|| drove(old));
+            judge.look(&step, &Seen { old, new: drove(new), measured: (!new).then_some(0.3) });
         }
-        (judge.decide(), loaded.suite.test.pairs)
+        (judge.decide(), loaded.pairs())
     }
 
     #[test]
@@ -446,10 +481,54 @@ mod tests {
     #[test]
     fn a_requirement_sees_no_scenario_of_another_one() {
         let loaded = suite(SMALL).unwrap();
-        let mut judge = Judge::new(&loaded.suite);
+        let mut judge = Judge::new(&loaded);
         let mut other = step(&loaded, Series::Drawn, 0).unwrap();
         other.series = Series::Requirement(7);
-        judge.look(&other, Seen { old: None, new: true, measured: None });
+        judge.look(&other, &Seen { old: None, new: Drove(vec![true]), measured: None });
         assert_eq!(judge.decide().findings[0].scenarios, 0);
+    }
+
+    #[test]
+    fn blocks_that_resemble_their_neighbours_decide_nothing() {
+        let mut loaded = suite(RECORDED).unwrap();
+        loaded.open(&Default::default(), &mut open_recorded(4000, &[0])).unwrap();
+        let place = |step: &Step| step.place.unwrap();
+        // Each driver fails an eighth of the blocks, in runs of five or by turns.
+        const OLD: [bool; 2] = [true, false];
+        let failed = |number: usize| match number % 8 {
+            0 => NEW,
+            4 => OLD,
+            _ => NEITHER,
+        };
+        let (in_runs, looked) = judge(&loaded, |step| failed(place(step) / 5));
+        let finding = &in_runs.findings[0];
+        assert_eq!((finding.state, looked, in_runs.passed), (State::Undecided, 200, false));
+        assert!(
+            finding.said.starts_with("neighbouring blocks resemble each other (correlation +0."),
+            "{}",
+            finding.said
+        );
+        let (by_turns, looked) = judge(&loaded, |step| failed(place(step)));
+        assert!(by_turns.passed && looked < 200, "{looked} {by_turns:?}");
+        assert!(by_turns.findings[0].test.unwrap().neighbours.is_none_or(|correlation| correlation < 0.0));
+    }
+
+    #[test]
+    fn a_failure_that_is_not_stable_is_not_a_new_one() {
+        let loaded = suite(&format!("{SMALL}\n[[require]]\nkind = \"no_new_failure\"\npairs = 3")).unwrap();
+        let found = |new: [bool; 5]| {
+            let mut judge = Judge::new(&loaded);
+            for step in crate::step::steps(&loaded).take(3) {
+                let seen =
+                    Seen { old: Some(Drove(vec![false; 2])), new: Drove(new.to_vec()), measured: None };
+                judge.look(&step.unwrap(), &seen);
+            }
+            judge.decide()
+        };
+        let lucky = found([true, false, true, false, true]);
+        assert!(lucky.passed && lucky.findings[0].new_failed == 3, "{lucky:?}");
+        assert!(!found([true, false, true, true, true]).passed);
+        let luck = lucky.luck.unwrap();
+        assert_eq!((luck.scenarios, luck.unstable, luck.new.value, luck.old.value), (3, 3, 1.0, 0.0));
     }
 }

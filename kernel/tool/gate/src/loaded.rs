@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use pdk_components::catalog::Catalog;
 use pdk_components::product;
 use pdk_model::canonical::canonical;
 use pdk_pipeline::program::Text;
@@ -12,6 +13,8 @@ use pdk_sdk::suggest;
 use serde_json::Value;
 
 use crate::check::check;
+use crate::recording::{Open, Opened};
+use crate::series;
 use crate::suite::{ENDING, Suite};
 
 /// Bytes of a file that may be a suite.
@@ -26,6 +29,8 @@ pub struct Loaded {
     pub text: Text,
     /// BLAKE3 of its contents, in hexadecimal: comments, order and spelling make no difference, everything else does.
     pub hash: String,
+    /// Its recordings, once they were opened.
+    pub opened: Opened,
 }
 
 impl Loaded {
@@ -40,7 +45,7 @@ impl Loaded {
             let known = suites.iter().map(|suite| suite.name);
             let suite = suites.iter().find(|suite| suite.name == named).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no suite `{named}`, and a file is named with its ending, as in {named}.{ENDING}; {}",
+                    "there is no built-in suite `{named}`; to use a file, write its ending, as in {named}.{ENDING}; {}",
                     suggest::hint(named, known)
                 ))
             })?;
@@ -67,7 +72,34 @@ impl Loaded {
         let contents: Value = toml::from_str(&text.source).map_err(wrong)?;
         check(&suite).map_err(|error| error.at(format_args!("the suite {shown}")))?;
         let hash = blake3::derive_key("pdk suite, version 1", canonical(&contents).as_bytes());
-        Ok(Self { suite, hash: blake3::Hash::from_bytes(hash).to_hex().to_string(), text })
+        Ok(Self {
+            suite,
+            hash: blake3::Hash::from_bytes(hash).to_hex().to_string(),
+            text,
+            opened: Opened::default(),
+        })
+    }
+
+    /// Opens the recordings of the suite. Does nothing if it has none.
+    ///
+    /// # Errors
+    /// If one cannot be opened.
+    pub fn open(&mut self, catalog: &Catalog, open: &mut Open<'_>) -> Result<()> {
+        if self.suite.is_recorded() {
+            let mut random = series::order(&self.hash).sequence();
+            self.opened = Opened::of(&self.suite, catalog, &mut random, open)?;
+        }
+        Ok(())
+    }
+
+    /// How many scenarios can be drawn for both drivers.
+    pub fn pairs(&self) -> usize {
+        let Suite { places, recordings, test, .. } = &self.suite;
+        match (places.is_empty(), recordings.is_empty()) {
+            (true, true) => 0,
+            (false, _) => test.pairs,
+            (true, false) => test.pairs.min(self.opened.blocks.len()),
+        }
     }
 
     /// How the command line names it.

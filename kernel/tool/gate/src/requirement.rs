@@ -1,6 +1,5 @@
 //! What a suite requires of the new driver.
 
-use pdk_model::outcome::{Cause, Outcome};
 use serde::{Deserialize, Serialize};
 
 /// A requirement with a name of its own, or one that follows from it.
@@ -39,9 +38,9 @@ pub enum Kind {
         #[serde(default)]
         allowed: usize,
     },
-    /// A measure of the new driver is below or above a limit on enough roads, which are drawn for this.
+    /// A measure of the new driver is below or above a limit on enough roads or blocks, which are drawn for this.
     Measure {
-        /// The measure: a field of outcomes, or of their `measures`.
+        /// The measure: a field of outcomes, or of their `measures`; of recordings, a number of [`BlockOutcome`](crate::came::BlockOutcome).
         measure: String,
         /// The perturbation with its level; none for a clear view.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -52,7 +51,7 @@ pub enum Kind {
         /// It has to be more than this.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         above: Option<f64>,
-        /// On how many roads, of how many.
+        /// On how many roads or blocks, of how many.
         on: [usize; 2],
     },
 }
@@ -76,19 +75,19 @@ impl Requirement {
         Self { name: String::new(), kind }
     }
 
-    /// What is required, in a clause; `tolerated` is what the suite says.
-    pub fn described(&self, tolerated: f64) -> String {
-        let Kind::NotWorse { by, tolerated: own } = &self.kind else { return self.title() };
+    /// What is required, in a clause; `tolerated` is what the suite says, and `drawn` what is drawn for measures.
+    pub fn described(&self, tolerated: f64, drawn: &str) -> String {
+        let Kind::NotWorse { by, tolerated: own } = &self.kind else { return self.title(drawn) };
         let by = match by {
             By::Overall => "",
             By::Perturbation => ", each perturbation for itself",
             By::Level => ", each level for itself",
         };
-        format!("{} by more than {}{by}", self.title(), own.unwrap_or(tolerated))
+        format!("{} by more than {}{by}", self.title(drawn), own.unwrap_or(tolerated))
     }
 
-    /// What tables call it.
-    pub fn title(&self) -> String {
+    /// What tables call it; `drawn` is what is drawn for measures.
+    pub fn title(&self, drawn: &str) -> String {
         if !self.name.is_empty() {
             return self.name.clone();
         }
@@ -102,25 +101,14 @@ impl Requirement {
                 let limits = [("below", *below), ("above", *above)];
                 let limits: Vec<String> =
                     limits.iter().filter_map(|(word, limit)| Some(format!("{word} {}", (*limit)?))).collect();
-                format!("{measure}{at} {} on {need} of {of} roads", limits.join(" and "))
+                format!("{measure}{at} {} on {need} of {of} {drawn}", limits.join(" and "))
             }
         }
     }
 }
 
-/// A measure of an outcome; none if the drive did not reach the end of its road, because the measure of a part of a drive says
-/// something else.
-pub fn measured(outcome: &Outcome, measure: &str) -> Option<f64> {
-    if outcome.cause != Cause::Finished {
-        return None;
-    }
-    let value = serde_json::to_value(outcome).ok()?;
-    value.get(measure).or_else(|| value.get("measures")?.get(measure))?.as_f64()
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::fixture::{SMALL, suite};
 
     #[test]
@@ -134,7 +122,7 @@ mod tests {
                 "max_cross_track_error at fog@2 below 0.5 on 9 of 10 roads",
             ),
         ] {
-            assert_eq!(with(text).unwrap().suite.required()[0].title(), title);
+            assert_eq!(with(text).unwrap().suite.required()[0].title("roads"), title);
         }
         for (text, said) in [
             ("kind = \"not_wrse\"", "unknown variant `not_wrse`"),
@@ -151,16 +139,5 @@ mod tests {
             let error = with(text).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
         }
-    }
-
-    #[test]
-    fn a_measure_is_that_of_a_whole_drive() {
-        let mut outcome =
-            Outcome { cause: Cause::Finished, max_cross_track_error: 0.5, ..Outcome::default() };
-        outcome.measures = Some(Box::default());
-        assert_eq!(measured(&outcome, "max_cross_track_error"), Some(0.5));
-        assert_eq!(measured(&outcome, "max_jerk"), Some(0.0));
-        outcome.cause = Cause::LaneDeparture;
-        assert_eq!(measured(&outcome, "max_cross_track_error"), None);
     }
 }

@@ -2,15 +2,16 @@
 
 use std::fmt::Write;
 
-use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use pdk_export::junit::{self, Case, Cases, Wrong};
 use pdk_notice::printable;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 use pdk_terminal::shell;
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
-use serde::Serialize;
 
+use crate::came::Ending;
 use crate::gate::{Judged, NewFailure};
 use crate::judge::{Finding, State};
+use crate::repeats::Luck;
 
 /// The columns of the table of requirements.
 const HEADER: [&str; 7] =
@@ -18,9 +19,18 @@ const HEADER: [&str; 7] =
 /// New failures that a table names; the others are in the verdict.
 const MOST: usize = 20;
 
-/// The command that repeats a drive.
+/// The command that repeats a drive or a block.
 pub fn replay(failure: &NewFailure) -> String {
-    shell::replay(&failure.record, failure.id)
+    match failure.cause {
+        Ending::Drive(_) => shell::replay(&failure.record, failure.id),
+        Ending::Block(_) => {
+            format!(
+                "pdk verify {} --scenario {}",
+                shell::quoted(&failure.record.to_string_lossy()),
+                failure.id
+            )
+        }
+    }
 }
 
 /// The cells of a row after the name of the requirement.
@@ -66,8 +76,12 @@ pub fn headline(judged: &Judged) -> String {
     let word = if verdict.decision.passed { "passed" } else { "failed" };
     let (driven, budget) = judged.drives;
     format!(
-        "{word}: {} against {} in suite {} version {}, decided after {driven} of at most {budget} drives",
-        verdict.new.named, verdict.old.named, verdict.suite.name, verdict.suite.version
+        "{word}: {} against {} in suite {} version {}, decided after {driven} of at most {budget} {}",
+        verdict.new.named,
+        verdict.old.named,
+        verdict.suite.name,
+        verdict.suite.version,
+        verdict.unit()
     )
 }
 
@@ -85,12 +99,17 @@ pub fn explanation(judged: &Judged) -> Option<String> {
     ))
 }
 
+/// What is known of drives of the same scenario that come out differently, a sentence each.
+pub fn luck(judged: &Judged) -> Vec<String> {
+    judged.verdict.decision.luck.as_ref().map(Luck::sentences).unwrap_or_default()
+}
+
 /// A line for each new failure.
 pub fn failures(judged: &Judged) -> Vec<String> {
     let line = |failure: &NewFailure| {
-        let NewFailure { title, cause, time, clip, .. } = failure;
+        let NewFailure { title, said, clip, .. } = failure;
         let clip = clip.as_ref().map(|clip| format!("\n  {}", clip.display())).unwrap_or_default();
-        format!("{title}: {} after {time:.2} s\n  {}{clip}", cause.text(), replay(failure))
+        format!("{title}: {said}\n  {}{clip}", replay(failure))
     };
     let mut lines: Vec<String> = judged.failures.iter().take(MOST).map(line).collect();
     if let Some(more) = judged.failures.len().checked_sub(MOST).filter(|more| *more > 0) {
@@ -123,38 +142,22 @@ pub fn markdown(judged: &Judged) -> String {
         all.extend(cells(finding).iter().map(|text| cell(text)));
         text += &row(&all);
     }
-    if let Some(sentence) = explanation(judged) {
+    for sentence in explanation(judged).into_iter().chain(luck(judged)) {
         // Writing to a string does not fail.
         let _ = write!(text, "\n{}\n", cell(&sentence));
     }
     if !judged.failures.is_empty() {
         let _ = write!(text, "\n<details><summary>New failures: {}</summary>\n\n", judged.failures.len());
         for failure in &judged.failures {
-            let NewFailure { title, cause, time, clip, .. } = failure;
+            let NewFailure { title, said, clip, .. } = failure;
             let clip = clip.as_ref().map(|clip| format!(", clip {}", cell(&clip.to_string_lossy())));
-            let _ = writeln!(
-                text,
-                "- {}: {} after {time:.2} s{}",
-                cell(title),
-                cause.text(),
-                clip.unwrap_or_default()
-            );
+            let _ = writeln!(text, "- {}: {said}{}", cell(title), clip.unwrap_or_default());
             let _ = writeln!(text, "  ```sh\n  {}\n  ```", printable(&replay(failure)));
         }
         text += "\n</details>\n";
     }
     let _ = write!(text, "\nVerdict: `{}`\n", judged.verdict.root);
     text
-}
-
-/// A requirement in JUnit.
-#[derive(Serialize)]
-struct Case {
-    requirement: String,
-    failed: bool,
-    state: &'static str,
-    said: String,
-    figures: String,
 }
 
 /// The verdict as JUnit XML: a test case for each requirement.
@@ -167,47 +170,46 @@ pub fn junit(judged: &Judged) -> Result<String> {
         let [_, scenarios, old, new, difference, said] = cells(finding);
         let difference =
             if difference.is_empty() { difference } else { format!(", difference {difference}") };
+        let figures = format!("{said}: {scenarios} scenarios, old fails {old}, new fails {new}{difference}");
+        let failed = match finding.state {
+            State::Met => false,
+            State::NotMet => true,
+            // As the suite says.
+            State::Undecided => !verdict.decision.passed,
+        };
         Case {
-            requirement: printable(&finding.requirement).into_owned(),
-            failed: match finding.state {
-                State::Met => false,
-                State::NotMet => true,
-                // As the suite says.
-                State::Undecided => !verdict.decision.passed,
-            },
-            state: finding.state.text(),
-            figures: format!("{said}: {scenarios} scenarios, old fails {old}, new fails {new}{difference}"),
-            said,
+            class: format!("pdk.{}", verdict.suite.name),
+            name: printable(&finding.requirement).into_owned(),
+            wrong: failed.then(|| Wrong {
+                is_error: false,
+                kind: finding.state.text().to_owned(),
+                message: said,
+                text: figures.clone(),
+            }),
+            output: figures,
+            ..Case::default()
         }
     };
-    let cases: Vec<Case> = verdict.decision.findings.iter().map(case).collect();
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    let place = |error: minijinja::Error| Error::new(format!("cannot make the JUnit file ({error:#})"));
-    environment.add_template("junit.xml", include_str!("template/junit.xml")).map_err(place)?;
-    let template = environment.get_template("junit.xml").map_err(place)?;
+    let mut output = vec![headline(judged)];
+    output.extend(luck(judged));
     let lines = failures(judged);
-    let output = match lines.is_empty() {
-        true => headline(judged),
-        false => format!("{}\nNew failures:\n{}", headline(judged), lines.join("\n")),
-    };
-    let properties = [
+    if !lines.is_empty() {
+        output.push("New failures:".to_owned());
+        output.extend(lines);
+    }
+    let known = [
         ("old", &verdict.old.named),
         ("new", &verdict.new.named),
         ("suite", &verdict.suite.blake3),
         ("root", &verdict.root),
     ];
-    template
-        .render(context! {
-            suite => format!("{} {}", verdict.suite.name, verdict.suite.version),
-            class => verdict.suite.name,
-            failures => cases.iter().filter(|case| case.failed).count(),
-            properties => properties.map(|(name, value)| (name, printable(value).into_owned())),
-            output => output.lines().map(|line| printable(line).into_owned()).collect::<Vec<_>>().join("\n"),
-            cases,
-        })
-        .map_err(place)
+    junit::render(&Cases {
+        name: "pdk gate".to_owned(),
+        suite: format!("{} {}", verdict.suite.name, verdict.suite.version),
+        properties: known.map(|(name, value)| (name, printable(value).into_owned())).to_vec(),
+        cases: verdict.decision.findings.iter().map(case).collect(),
+        output: output.iter().flat_map(|text| text.lines()).map(printable).collect::<Vec<_>>().join("\n"),
+    })
 }
 
 /// The verdict with its new failures, as JSON for a program.

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::Catalog;
 use pdk_model::component::ComponentSpec;
-use pdk_model::scenario::ScenarioId;
-use pdk_record::directory::{MANIFEST, VERDICT};
+use pdk_model::scenario::{Scenario, ScenarioId};
+use pdk_record::directory::{MANIFEST, RunDirectory, SCENARIOS, VERDICT};
 use pdk_record::ledger::Line;
+use pdk_record::located::Located;
 use pdk_record::manifest::ComponentRecord;
 use pdk_replay::replay::Replay;
 use pdk_sdk::describe::Kind;
@@ -15,8 +16,10 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Session;
 use serde_json::Value;
 
+use crate::came::{BlockOutcome, Came};
+use crate::kept;
 use crate::role::Role;
-use crate::verdict::Verdict;
+use crate::verdict::{DriverRecord, Verdict};
 
 /// A driver that takes part.
 #[derive(Debug, Clone)]
@@ -25,8 +28,8 @@ pub struct Side {
     pub named: String,
     /// The driver.
     pub driver: ComponentSpec,
-    /// Drives that need not be driven again.
-    pub known: BTreeMap<ScenarioId, Line>,
+    /// What came of scenarios that need not be driven again.
+    pub known: BTreeMap<ScenarioId, Came>,
     /// The record that they are in.
     pub record: Option<PathBuf>,
     /// The components with which they were driven.
@@ -73,24 +76,82 @@ impl Side {
 
     fn of_record(named: &str, session: &mut Session) -> Result<(Self, Vec<String>)> {
         let folder = Path::new(named);
+        if let Some(blocks) = kept::read(folder)? {
+            return Self::of_blocks(named, blocks, session.catalog());
+        }
+        if let Some(driver) = evaluated(folder)? {
+            return Ok(Self::recorded(named, driver, BTreeMap::new(), Vec::new(), None));
+        }
         let replay = Replay::open(folder, &[])?;
         let known: BTreeMap<ScenarioId, Line> = replay.lines().map(|line| (line.id, line.clone())).collect();
         let driver = driver_of(folder, &known)?;
-        let mut side = Self {
-            named: named.to_owned(),
-            driver,
-            known,
-            record: Some(folder.to_owned()),
-            components: replay.manifest().components.clone(),
-        };
         let changes = replay.changes(session).unwrap_or_else(|error| vec![error.to_string()]);
-        let told = changes.first().map(|change| {
+        let came = |(id, line): (ScenarioId, Line)| (id, Came::Drive(Box::new(line.outcome)));
+        let known = known.into_iter().map(came).collect();
+        let components = replay.manifest().components.clone();
+        Ok(Self::recorded(named, driver, known, components, changes.into_iter().next()))
+    }
+
+    /// Of the record of a gate on recordings, the driver is the new one. A block has the id of what is in its recording and in the files of the
+    /// driver, so only the components may be others.
+    fn of_blocks(
+        named: &str,
+        blocks: BTreeMap<ScenarioId, BlockOutcome>,
+        catalog: &Catalog,
+    ) -> Result<(Self, Vec<String>)> {
+        let verdict = Verdict::read(&Path::new(named).join(VERDICT)).map_err(|error| {
+            Error::new(format!(
+                "{error}; the gate came to no verdict, so run it again with --out and this folder"
+            ))
+        })?;
+        let changed = verdict.changes(catalog).into_iter().next();
+        let known = blocks.into_iter().map(|(id, outcome)| (id, Came::Block(outcome))).collect();
+        let DriverRecord { component, files, .. } = verdict.new;
+        let driver = located(Path::new(named), component, files)?;
+        Ok(Self::recorded(named, driver, known, verdict.components, changed))
+    }
+
+    /// A driver with what came of its scenarios, unless something is different since.
+    fn recorded(
+        named: &str,
+        driver: ComponentSpec,
+        known: BTreeMap<ScenarioId, Came>,
+        components: Vec<ComponentRecord>,
+        changed: Option<String>,
+    ) -> (Self, Vec<String>) {
+        let mut side =
+            Self { named: named.to_owned(), driver, known, record: Some(named.into()), components };
+        let told = changed.map(|change| {
             side.known.clear();
             side.components.clear();
             format!("the drives in {named} are not used but driven again, because something is different since: {change}")
         });
-        Ok((side, told.into_iter().collect()))
+        (side, told.into_iter().collect())
     }
+}
+
+/// The driver of a record that holds evaluations of one driver and nothing else; none of another record.
+fn evaluated(folder: &Path) -> Result<Option<ComponentSpec>> {
+    if folder.join(SCENARIOS).is_file() {
+        return Ok(None);
+    }
+    let Some(manifest) = RunDirectory::open(folder)?.manifest()? else { return Ok(None) };
+    let mut drivers: Vec<ComponentSpec> =
+        manifest.evaluations.into_iter().map(|evaluation| evaluation.driver).collect();
+    drivers.dedup();
+    let files = manifest.files.into_iter().filter(|file| file.group.is_empty());
+    let files = files.map(|file| (file.path.to_string_lossy().into_owned(), file.blake3)).collect();
+    match drivers.len() {
+        1 => drivers.pop().map(|driver| located(folder, driver, files)).transpose(),
+        _ => Ok(None),
+    }
+}
+
+/// A driver of a record with its files where they are as seen from here.
+fn located(folder: &Path, driver: ComponentSpec, files: BTreeMap<String, String>) -> Result<ComponentSpec> {
+    let Some(manifest) = RunDirectory::open(folder)?.manifest()? else { return Ok(driver) };
+    let scenario = Scenario { files, ..Scenario::new(ComponentSpec::new(""), driver) };
+    Ok(Located::new(folder, &manifest).scenario(&scenario)?.driver)
 }
 
 /// The driver that a record is about: the new one of a gate, or the only one.

@@ -1,72 +1,23 @@
 //! The scenarios of a suite in the order in which they are looked at. Each follows from the hash of the suite and its number, so it is the
 //! same on every machine and for every driver, and each that is drawn has a road, a perturbation, a level and luck of its own.
 
-use std::fmt;
-use std::str::FromStr;
-
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::Scenario;
+use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_road::{MapBox, Road};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::seed::{Key, Random};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use pdk_sdk::seed::Random;
 use serde_json::{Value, json};
 
 use crate::loaded::Loaded;
+use crate::recording::Block;
 use crate::requirement::Kind;
+use crate::series::{Series, key};
+use crate::stretch::Stretch;
 use crate::suite::{Place, Roads, Suite};
 
 /// How many roads are drawn until one is valid.
 const ATTEMPTS: usize = 10_000;
-
-/// Where a scenario comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Series {
-    /// It is one of the fixed scenarios, driven by both drivers.
-    Fixed,
-    /// It was drawn, and is driven by both drivers.
-    Drawn,
-    /// It was drawn for the requirement with this number, from 0, and is driven by the new driver alone.
-    Requirement(usize),
-}
-
-impl fmt::Display for Series {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fixed => f.write_str("fixed"),
-            Self::Drawn => f.write_str("drawn"),
-            Self::Requirement(number) => write!(f, "requirement {}", number + 1),
-        }
-    }
-}
-
-impl FromStr for Series {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let number = || text.strip_prefix("requirement ")?.parse::<usize>().ok()?.checked_sub(1);
-        match text {
-            "fixed" => Ok(Self::Fixed),
-            "drawn" => Ok(Self::Drawn),
-            _ => number().map(Self::Requirement).ok_or_else(|| {
-                Error::new(format!("`{text}` is not a series; it has to be fixed, drawn or requirement N"))
-            }),
-        }
-    }
-}
-
-impl Serialize for Series {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Series {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
-    }
-}
 
 /// A scenario of a suite.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,6 +30,8 @@ pub struct Step {
     pub perturbation: Option<String>,
     /// Its level.
     pub level: Option<f64>,
+    /// The place of a drawn block among the blocks of its recordings; none for a road.
+    pub place: Option<usize>,
     /// The scenario, without a driver.
     pub scenario: Scenario,
 }
@@ -92,7 +45,11 @@ impl Step {
     /// What tables call it.
     pub fn title(&self) -> String {
         let Self { series, number, .. } = self;
-        format!("{series} {}: {}", number + 1, self.scenario.default_name())
+        let name = format!("{series} {}: {}", number + 1, self.scenario.default_name());
+        match Stretch::of(&self.scenario) {
+            Some(Stretch { start, end, .. }) => format!("{name}, frames {start} to {}", end - 1),
+            None => name,
+        }
     }
 }
 
@@ -114,8 +71,7 @@ pub fn steps(loaded: &Loaded) -> impl Iterator<Item = Result<Step>> + '_ {
         })
         .flatten()
         .collect();
-    let pairs = if suite.places.is_empty() { 0 } else { suite.test.pairs };
-    let drawn = (0..pairs).map(|number| (Series::Drawn, number));
+    let drawn = (0..loaded.pairs()).map(|number| (Series::Drawn, number));
     fixed.chain(measured).chain(drawn).map(move |(series, number)| step(loaded, series, number))
 }
 
@@ -127,32 +83,65 @@ pub fn step(loaded: &Loaded, series: Series, number: usize) -> Result<Step> {
     let suite = &loaded.suite;
     if series == Series::Fixed {
         let scenario = suite.fixed(number)?;
-        return Ok(Step { series, number, perturbation: None, level: None, scenario });
+        return Ok(Step { series, number, perturbation: None, level: None, place: None, scenario });
     }
     let mut random = key(&loaded.hash, series, number).sequence();
+    if !suite.recordings.is_empty() {
+        return of_recording(loaded, series, number, &mut random);
+    }
     let place = usize::try_from(random.below(suite.places.len() as u32)).unwrap_or_default();
     let place = suite.places.get(place).ok_or_else(|| Error::new("the suite has no [[place]]"))?;
     let road = road(&mut random, &place.road)?;
     let seed = random.next_u64() >> 11;
-    let (perturbation, applied) = match series {
-        Series::Requirement(place) => required_perturbation(suite, place)?,
-        _ => drawn_perturbation(suite, &mut random)?,
-    };
-    let level =
-        applied.as_ref().and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64());
+    let (perturbation, applied) = perturbed(suite, series, &mut random)?;
+    let level = level_of(applied.as_ref());
     let scenario = scenario(place, road, applied, seed)?;
-    Ok(Step { series, number, perturbation, level, scenario })
+    Ok(Step { series, number, perturbation, level, place: None, scenario })
 }
 
-/// The stream of draws of a scenario.
-fn key(hash: &str, series: Series, number: usize) -> Key {
-    let mut hasher = blake3::Hasher::new_derive_key("pdk suite scenario, version 1");
-    for part in [hash, &series.to_string()] {
-        hasher.update(&(part.len() as u64).to_le_bytes());
-        hasher.update(part.as_bytes());
+/// A block of a recording. Each is drawn once, in a random order, so that blocks that are looked at early are rarely neighbours.
+fn of_recording(loaded: &Loaded, series: Series, number: usize, random: &mut Random) -> Result<Step> {
+    let opened = &loaded.opened;
+    let (block, place) = match series {
+        Series::Requirement(_) => {
+            let mut order = key(&loaded.hash, series, usize::MAX).sequence();
+            (opened.drawn_apart(number, &mut order), None)
+        }
+        _ => {
+            let block = opened.drawn(number);
+            (block, block.map(|block| block.place))
+        }
+    };
+    let Block { reader, stretch, .. } = block.ok_or_else(|| {
+        Error::new(format!(
+            "the recordings have {} blocks, which is not enough for `{series} {}`; name longer recordings, or set a smaller `block`",
+            opened.blocks.len(),
+            number + 1
+        ))
+    })?;
+    let seed = random.next_u64() >> 11;
+    let (perturbation, applied) = perturbed(&loaded.suite, series, random)?;
+    let level = level_of(applied.as_ref());
+    let scenario = Scenario {
+        simulator: reader.clone(),
+        road: serde_json::to_value(stretch)?,
+        perturbations: applied.into_iter().collect(),
+        duration: DEFAULT_DURATION,
+        seed,
+        ..Scenario::default()
+    };
+    Ok(Step { series, number, perturbation, level, place, scenario })
+}
+
+fn perturbed(suite: &Suite, series: Series, random: &mut Random) -> Result<Drawn> {
+    match series {
+        Series::Requirement(place) => required_perturbation(suite, place),
+        _ => drawn_perturbation(suite, random),
     }
-    hasher.update(&(number as u64).to_le_bytes());
-    Key(*hasher.finalize().as_bytes())
+}
+
+fn level_of(applied: Option<&AppliedPerturbation>) -> Option<f64> {
+    applied.and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64())
 }
 
 fn road(random: &mut Random, roads: &Roads) -> Result<Value> {
@@ -218,7 +207,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::fixture::{SMALL, suite};
+    use crate::fixture::{RECORDED, SMALL, open_recorded, suite};
 
     #[test]
     fn scenarios_follow_from_the_contents_and_their_number() {
@@ -260,5 +249,38 @@ mod tests {
             assert_eq!(series.to_string().parse::<Series>().unwrap(), series);
         }
         assert!("requirement 0".parse::<Series>().is_err());
+    }
+
+    #[test]
+    fn blocks_of_a_recording_are_drawn_once_each_with_luck_of_their_own() {
+        let text = RECORDED.replace("levels = [1, 2]", "levels = [1, 2]\nnominal = 0.25");
+        let measure =
+            "kind = \"measure\"\nmeasure = \"steering_error\"\nat = \"fog@2\"\nbelow = 9\non = [2, 3]";
+        let text = format!("{text}\n[[require]]\n{measure}\n[[require]]\nkind = \"not_worse\"");
+        let mut loaded = suite(&text).unwrap();
+        assert_eq!(steps(&loaded).next().unwrap().unwrap_err().to_string(), {
+            "the recordings have 0 blocks, which is not enough for `requirement 1 1`; name longer recordings, or set a smaller `block`"
+        });
+        loaded.open(&Default::default(), &mut open_recorded(4000, &[0, 1000])).unwrap();
+        assert_eq!(loaded.pairs(), 200);
+        let all: Vec<Step> = steps(&loaded).collect::<Result<_>>().unwrap();
+        assert_eq!(all.len(), 203);
+        assert!(all[..3].iter().all(|step| !step.is_pair() && step.place.is_none()));
+        let drawn = &all[3..];
+        let places: BTreeSet<usize> = drawn.iter().filter_map(|step| step.place).collect();
+        let seeds: BTreeSet<u64> = drawn.iter().map(|step| step.scenario.seed).collect();
+        assert_eq!((places.len(), seeds.len()), (200, 200));
+        // The order says nothing of the place.
+        let in_order = drawn.windows(2).filter(|pair| pair[0].place < pair[1].place).count();
+        assert!((70..130).contains(&in_order), "{in_order}");
+        let names: BTreeSet<String> = drawn.iter().map(|step| step.scenario.default_name()).collect();
+        assert_eq!(names.into_iter().collect::<Vec<_>>(), ["fog@1", "fog@2", "nominal", "rain@3"]);
+        let Stretch { start, end, .. } = Stretch::of(&drawn[0].scenario).unwrap();
+        assert!(
+            drawn[0].title().ends_with(&format!(", frames {start} to {}", end - 1)),
+            "{}",
+            drawn[0].title()
+        );
+        assert_eq!(all[7], step(&loaded, Series::Drawn, 4).unwrap());
     }
 }

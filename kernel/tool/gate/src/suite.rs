@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::requirement::{Kind, Requirement};
+use crate::stretch::{Recording, Stretch};
 
 /// The largest number of scenarios.
 pub const MOST: usize = 1_000_000;
@@ -37,6 +38,9 @@ pub struct Suite {
     /// The simulators of which each drawn scenario has one, with the roads that are drawn there.
     #[serde(default, rename = "place", skip_serializing_if = "Vec::is_empty")]
     pub places: Vec<Place>,
+    /// The recordings whose blocks are drawn, in the place of roads.
+    #[serde(default, rename = "recording", skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<Recording>,
     /// How the decision is made.
     #[serde(default)]
     pub test: Test,
@@ -102,17 +106,28 @@ pub struct Test {
     pub tolerated: f64,
     /// The probability of a wrong verdict, of all tests together.
     pub alpha: f64,
-    /// The largest number of drawn scenarios that are driven by both drivers.
+    /// The largest number of drawn scenarios that are given to both drivers; recordings may have fewer blocks.
     pub pairs: usize,
     /// How many scenarios are under way before the first of them has been looked at.
     pub ahead: usize,
+    /// How often a driver drives a scenario at most, until its verdict is stable. If it is left out, once if the simulator repeats itself,
+    /// else up to five times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<u64>,
     /// What it means if a requirement is neither shown to be met nor shown not to be met.
     pub undecided: Undecided,
 }
 
 impl Default for Test {
     fn default() -> Self {
-        Self { tolerated: 0.1, alpha: 0.05, pairs: 400, ahead: 8, undecided: Undecided::Failed }
+        Self {
+            tolerated: 0.1,
+            alpha: 0.05,
+            pairs: 400,
+            ahead: 8,
+            repeats: None,
+            undecided: Undecided::Failed,
+        }
     }
 }
 
@@ -160,14 +175,30 @@ impl Suite {
             .map_err(|error| Error::new(format!("{}: {error}", place())))
     }
 
+    /// Whether scenarios are drawn.
+    pub fn draws(&self) -> bool {
+        !self.places.is_empty() || !self.recordings.is_empty()
+    }
+
+    /// Whether its scenarios are blocks of recordings.
+    pub fn is_recorded(&self) -> bool {
+        !self.recordings.is_empty()
+            || (0..self.scenarios.len())
+                .any(|number| self.fixed(number).is_ok_and(|scenario| Stretch::of(&scenario).is_some()))
+    }
+
+    /// What is drawn for a measure.
+    pub fn drawn(&self) -> &'static str {
+        if self.is_recorded() { "blocks" } else { "roads" }
+    }
+
     /// What is required: what the file says, or what goes without saying.
     pub fn required(&self) -> Vec<Requirement> {
         if !self.requirements.is_empty() {
             return self.requirements.clone();
         }
         let fixed = (!self.scenarios.is_empty()).then_some(Kind::Passes { allowed: 0 });
-        let drawn =
-            (!self.places.is_empty()).then_some(Kind::NotWorse { by: Default::default(), tolerated: None });
+        let drawn = self.draws().then_some(Kind::NotWorse { by: Default::default(), tolerated: None });
         fixed.into_iter().chain(drawn).map(Requirement::of).collect()
     }
 }

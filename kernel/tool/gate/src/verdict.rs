@@ -3,27 +3,30 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pdk_components::catalog::Catalog;
+use pdk_components::hash;
 use pdk_model::canonical::canonical;
 use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::ScenarioId;
 use pdk_record::manifest::ComponentRecord;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use crate::came::{Came, Ending};
 use crate::judge::{Decision, Judge, Seen};
 use crate::loaded::Loaded;
 use crate::merkle;
-use crate::requirement::{Kind, measured};
+use crate::recording::RecordingRecord;
+use crate::repeats::{self, Drove};
+use crate::requirement::Kind;
 use crate::role::Role;
-use crate::step::{Series, Step, steps};
+use crate::series::Series;
+use crate::step::{Step, steps};
 
 /// The version of the format.
 const FORMAT: u32 = 1;
-/// Hexadecimal digits of a checksum.
-const DIGITS: usize = 32;
 /// Bytes of a file that may be a verdict.
 const LARGEST: u64 = 256 << 20;
 
@@ -40,6 +43,9 @@ pub struct Verdict {
     pub old: DriverRecord,
     /// The new driver.
     pub new: DriverRecord,
+    /// The recordings of the suite.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub recordings: Vec<RecordingRecord>,
     /// What scenarios left to the machine, such as the engine of networks, and what it was.
     pub settled: Vec<(String, String)>,
     /// The components with which was driven, with the hashes of their files.
@@ -85,24 +91,32 @@ pub struct Entry {
     pub number: usize,
     /// Who drove.
     pub driver: Role,
+    /// Which drive of the same scenario it is, from 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub repeat: u64,
     /// The id of the scenario.
     pub id: ScenarioId,
     /// How it ended.
-    pub cause: Cause,
-    /// The measure of a requirement about one; none if the drive did not come to its end.
+    pub cause: Ending,
+    /// The measure of a requirement about one; none if it was not measured, or the drive did not come to its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<f64>,
     /// The checksum of the outcome.
     pub checksum: String,
 }
 
+fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
 impl Entry {
-    /// What came of a scenario of a suite.
-    pub fn new(loaded: &Loaded, step: &Step, driver: Role, id: ScenarioId, outcome: &Outcome) -> Self {
+    /// What came of a scenario of a suite; `driven` is who drove, and which drive of the scenario it is.
+    pub fn new(loaded: &Loaded, step: &Step, driven: (Role, u64), id: ScenarioId, came: &Came) -> Self {
+        let (driver, repeat) = driven;
         let required = loaded.suite.required();
         let measured = match step.series {
             Series::Requirement(place) => match required.get(place).map(|requirement| &requirement.kind) {
-                Some(Kind::Measure { measure, .. }) => measured(outcome, measure),
+                Some(Kind::Measure { measure, .. }) => came.measured(measure),
                 _ => None,
             },
             _ => None,
@@ -112,29 +126,25 @@ impl Entry {
             series: *series,
             number: *number,
             driver,
+            repeat,
             id,
-            cause: outcome.cause,
+            cause: came.ending(),
             measured,
-            checksum: checksum(&id, outcome),
+            checksum: came.checksum(&id),
         }
     }
 
     /// Whether the driver failed.
     pub fn failed(&self) -> bool {
-        self.cause.verdict().failed()
+        self.cause.failed()
     }
 }
 
-/// The checksum of an outcome: of all that it says, and of the scenario.
-pub fn checksum(id: &ScenarioId, outcome: &Outcome) -> String {
-    let text = canonical(&json!({"id": id, "outcome": outcome}));
-    let hash = blake3::derive_key("pdk verdict outcome, version 1", text.as_bytes());
-    blake3::Hash::from_bytes(hash).to_hex()[..DIGITS].to_owned()
-}
-
-/// What came of a step, by its entries.
-pub fn seen(old: Option<&Entry>, new: &Entry) -> Seen {
-    Seen { old: old.map(Entry::failed), new: new.failed(), measured: new.measured }
+/// What came of a step, by the entries of its drives.
+pub fn seen(old: Option<&[Entry]>, new: &[Entry]) -> Seen {
+    let drove = |entries: &[Entry]| Drove(entries.iter().map(Entry::failed).collect());
+    let measures: Vec<Option<f64>> = new.iter().map(|entry| entry.measured).collect();
+    Seen { old: old.map(drove), new: drove(new), measured: repeats::measured(&measures) }
 }
 
 impl Verdict {
@@ -190,43 +200,70 @@ impl Verdict {
     ///
     /// # Errors
     /// If the suite cannot be drawn from.
-    pub fn contradictions(&self, loaded: &Loaded) -> Result<Vec<String>> {
+    pub fn contradictions(&self, loaded: &Loaded, catalog: &Catalog) -> Result<Vec<String>> {
         let mut wrong = Vec::new();
         if self.root != self.own_root() {
             wrong.push("its root is not that of its contents, so it was edited or is damaged".to_owned());
         }
-        let mut judge = Judge::new(&loaded.suite);
-        let mut entries = self.entries.iter().enumerate();
+        let mut judge = Judge::new(loaded);
+        let mut rest = self.entries.as_slice();
         for step in steps(loaded) {
             if judge.is_over() {
                 break;
             }
             let step = step?;
-            let mut next = |role| {
-                let (_, entry) = entries.next()?;
-                let fits = (entry.series, entry.number, entry.driver) == (step.series, step.number, role);
-                fits.then_some(entry)
-            };
-            let old = if step.is_pair() { next(Role::Old).map(Some) } else { Some(None) };
-            let (Some(old), Some(new)) = (old, next(Role::New)) else {
+            let most = repeats::most(&loaded.suite, &step.scenario, catalog)?;
+            let old =
+                if step.is_pair() { drives(&mut rest, &step, Role::Old, most).map(Some) } else { Some(None) };
+            let (Some(old), Some(new)) = (old, drives(&mut rest, &step, Role::New, most)) else {
                 wrong.push(format!(
                     "it does not have the scenarios of the suite in their order: `{}` is missing",
                     step.title()
                 ));
                 return Ok(wrong);
             };
-            judge.look(&step, seen(old, new));
+            judge.look(&step, &seen(old, new));
         }
-        if let Some((place, _)) = entries.next() {
+        if !rest.is_empty() {
             wrong.push(format!(
-                "it has {} entries, but was decided after {place} of them",
-                self.entries.len()
+                "it has {} entries, but was decided after {} of them",
+                self.entries.len(),
+                self.entries.len() - rest.len()
             ));
         }
         if judge.decide() != self.decision {
             wrong.push("its decision does not follow from its entries".to_owned());
         }
         Ok(wrong)
+    }
+
+    /// What is different of the components since the verdict was made, a clause each.
+    pub fn changes(&self, catalog: &Catalog) -> Vec<String> {
+        let mut changes: Vec<String> = Vec::new();
+        for was in &self.components {
+            let Ok(entry) = catalog.get(was.kind, &was.name) else { continue };
+            let is = entry.description.version;
+            let code = catalog.code_of(entry);
+            let changed = match &code.blake3 {
+                Some(hash) => *hash != was.file.blake3,
+                None => hash::of(&code.file).is_ok_and(|hash| hash != was.file.blake3),
+            };
+            if is != was.version {
+                changes.push(format!(
+                    "the version of the {} `{}` was {} and is {is}",
+                    was.kind, was.name, was.version
+                ));
+            } else if changed {
+                changes.push(format!("the file of the {} `{}` is a different one", was.kind, was.name));
+            }
+        }
+        changes.dedup();
+        changes
+    }
+
+    /// What its entries are, for sentences.
+    pub fn unit(&self) -> &'static str {
+        if self.recordings.is_empty() { "drives" } else { "blocks" }
     }
 
     /// The driver that has this role.
@@ -236,4 +273,24 @@ impl Verdict {
             Role::New => &self.new,
         }
     }
+}
+
+/// Takes the entries of a step by one driver from the beginning of these: as many as it takes until its verdict is stable. None if they are
+/// not there.
+fn drives<'a>(rest: &mut &'a [Entry], step: &Step, role: Role, most: u64) -> Option<&'a [Entry]> {
+    let mut drove = Drove::default();
+    for (place, entry) in rest.iter().enumerate() {
+        let fits = (entry.series, entry.number, entry.driver, entry.repeat)
+            == (step.series, step.number, role, place as u64);
+        if !fits {
+            return None;
+        }
+        drove.0.push(entry.failed());
+        if drove.0.len() as u64 >= Drove::at_first(most) && drove.is_over(most) {
+            let (taken, left) = rest.split_at(place + 1);
+            *rest = left;
+            return Some(taken);
+        }
+    }
+    None
 }

@@ -6,25 +6,26 @@ use std::path::{Path, PathBuf};
 use indicatif::ProgressBar;
 use pdk_components::catalog::Catalog;
 use pdk_components::hash;
-use pdk_loop::protocol::Drive;
 use pdk_model::component::ComponentSpec;
-use pdk_model::scenario::{Mode, Scenario};
+use pdk_model::scenario::{Mode, Scenario, ScenarioId};
+use pdk_pipeline::readers;
 use pdk_record::ledger::Line;
-use pdk_record::manifest::ComponentRecord;
 use pdk_record::settle::{self, Settler};
 use pdk_replay::parts;
 use pdk_replay::recorded::Recorded;
 use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_session::session::{Reply, Session, Ticket};
+use pdk_session::session::{Session, Ticket};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::gate::driven_by;
+use crate::driven::{self, driven_by};
 use crate::loaded::Loaded;
 use crate::probes;
+use crate::recording::RecordingRecord;
 use crate::role::Role;
 use crate::step::step;
-use crate::verdict::{Entry, Verdict, checksum};
+use crate::stretch::Stretch;
+use crate::verdict::{Entry, Verdict};
 
 /// How a verdict is verified.
 #[derive(Debug, Clone)]
@@ -33,6 +34,8 @@ pub struct Wanted {
     pub probes: usize,
     /// A text that goes into the draw.
     pub draw: String,
+    /// The one entry that is repeated instead of those that are drawn, by its id.
+    pub only: Option<ScenarioId>,
     /// Files that may take the place of those that the verdict names, if they have the same content.
     pub files: Vec<PathBuf>,
     /// Whether programs that the verdict names may be started.
@@ -67,7 +70,7 @@ pub fn check_suite(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
         return Ok(());
     }
     let what = match (was.name == suite.name, was.version == suite.version) {
-        (true, true) => "its contents are others".to_owned(),
+        (true, true) => "its contents differ".to_owned(),
         (true, false) => format!("it has version {} and not {}", suite.version, was.version),
         _ => format!("it is called `{}`", suite.name),
     };
@@ -86,13 +89,16 @@ pub fn check_suite(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
 /// If it cannot be verified here: a file is missing or another one, or the machine has another engine.
 pub fn verify(
     verdict: &Verdict,
-    loaded: &Loaded,
+    loaded: &mut Loaded,
     mut session: Session,
     wanted: &Wanted,
     bar: &ProgressBar,
 ) -> Result<Verified> {
     check_suite(verdict, loaded)?;
-    let mut refuted = verdict.contradictions(loaded)?;
+    let catalog = session.catalog().clone();
+    loaded.open(&catalog, &mut |dataset| readers::recording(&mut session, dataset))?;
+    check_recordings(verdict, loaded)?;
+    let mut refuted = verdict.contradictions(loaded, &catalog)?;
     let entries = verdict.entries.len();
     if !refuted.is_empty() {
         // What contradicts itself need not be driven.
@@ -109,7 +115,6 @@ pub fn verify(
         let wrong = |share: f64| (libm::ceil(share * entries as f64) as usize).max(1);
         SHARES.iter().map(|share| (*share, probes::found(entries, wrong(*share), count))).collect()
     };
-    let catalog = session.catalog().clone();
     let mut drivers = BTreeMap::new();
     for role in [Role::Old, Role::New] {
         drivers.insert(role, located(verdict, role, &wanted.files)?);
@@ -119,9 +124,10 @@ pub fn verify(
     for (place, entry) in verdict.entries.iter().enumerate() {
         let Some(driver) = drivers.get(&entry.driver) else { continue };
         let step = step(loaded, entry.series, entry.number)?;
-        let mut scenario = driven_by(&step, driver, &catalog)?;
+        let mut scenario = driven_by(&step, (driver, entry.repeat), &catalog)?;
         check_engine(&catalog, &scenario, &verdict.settled)?;
         settler.scenario(&mut scenario);
+        loaded.opened.note_content(&mut scenario);
         if scenario.id() != entry.id {
             files_are_those_of_the_verdict(verdict, entry.driver, &scenario)?;
             refuted.push(format!(
@@ -136,14 +142,41 @@ pub fn verify(
     }
     check_repeatable(&catalog, &scenarios)?;
     check_programs(&catalog, &scenarios, wanted.trust)?;
-    let changes = changes(&verdict.components, &catalog);
-    let places = match refuted.is_empty() {
-        true => probes::drawn(&verdict.root, &wanted.draw, entries, wanted.probes),
-        false => Vec::new(),
+    let changes = verdict.changes(&catalog);
+    let places = match (refuted.is_empty(), &wanted.only) {
+        (false, _) => Vec::new(),
+        (true, Some(id)) => vec![entry_of(verdict, id)?],
+        (true, None) => probes::drawn(&verdict.root, &wanted.draw, entries, wanted.probes),
     };
-    refuted.extend(drive(&mut session, verdict, &scenarios, &places, bar)?);
-    let chances = chances(places.len());
+    refuted.extend(repeat(&mut session, verdict, &scenarios, &places, bar)?);
+    // What was chosen by a person says nothing about the others.
+    let chances = if wanted.only.is_some() { Vec::new() } else { chances(places.len()) };
     Ok(Verified { entries, probes: places, refuted, chances, changes })
+}
+
+/// The place of an entry with this id.
+fn entry_of(verdict: &Verdict, id: &ScenarioId) -> Result<usize> {
+    verdict.entries.iter().position(|entry| entry.id == *id).ok_or_else(|| {
+        Error::new(format!(
+            "the verdict has no scenario with the id {id}; its `entries` have the ids that there are"
+        ))
+    })
+}
+
+/// Makes sure that the recordings are those of a verdict.
+fn check_recordings(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
+    for RecordingRecord { reader, blake3 } in &verdict.recordings {
+        let here = loaded.opened.recordings.iter().find(|recording| recording.reader == *reader);
+        if here.is_none_or(|recording| recording.blake3 != *blake3) {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "the recording `{reader}` is not that of the verdict, which has the BLAKE3 {blake3}; put the right one in its place"
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The driver of a verdict with its files where they are here.
@@ -199,7 +232,7 @@ fn check_engine(catalog: &Catalog, scenario: &Scenario, settled: &[(String, Stri
         Error::of(
             ErrorKind::Configuration,
             format!(
-                "the verdict cannot be verified on this machine, whose networks are computed otherwise ({error}); use a machine with {}",
+                "the verdict cannot be verified on this machine, because it computes networks differently ({error}); use a machine with {}",
                 had.join(", ")
             ),
         )
@@ -208,7 +241,7 @@ fn check_engine(catalog: &Catalog, scenario: &Scenario, settled: &[(String, Stri
 
 /// Refuses drives that no simulator repeats.
 fn check_repeatable(catalog: &Catalog, scenarios: &[(String, Scenario)]) -> Result<()> {
-    for (_, scenario) in scenarios {
+    for (_, scenario) in scenarios.iter().filter(|(_, scenario)| Stretch::of(scenario).is_none()) {
         let entry = catalog.get(pdk_sdk::describe::Kind::Simulator, &scenario.simulator.name)?;
         if scenario.mode == Mode::Realtime || !entry.description.clock.is_stepped() {
             return Err(Error::of(
@@ -252,30 +285,6 @@ fn check_programs(catalog: &Catalog, scenarios: &[(String, Scenario)], trust: bo
     ))
 }
 
-/// What is different of the components since the verdict was made, a clause each.
-fn changes(components: &[ComponentRecord], catalog: &Catalog) -> Vec<String> {
-    let mut changes: Vec<String> = Vec::new();
-    for was in components {
-        let Ok(entry) = catalog.get(was.kind, &was.name) else { continue };
-        let is = entry.description.version;
-        let code = catalog.code_of(entry);
-        let changed = match &code.blake3 {
-            Some(hash) => *hash != was.file.blake3,
-            None => hash::of(&code.file).is_ok_and(|hash| hash != was.file.blake3),
-        };
-        if is != was.version {
-            changes.push(format!(
-                "the version of the {} `{}` was {} and is {is}",
-                was.kind, was.name, was.version
-            ));
-        } else if changed {
-            changes.push(format!("the file of the {} `{}` is another", was.kind, was.name));
-        }
-    }
-    changes.dedup();
-    changes
-}
-
 /// Settles scenarios as a run does.
 struct Settled<'a> {
     catalog: &'a Catalog,
@@ -290,52 +299,42 @@ impl Settled<'_> {
     }
 }
 
-/// Drives entries again, and says which come out otherwise.
-fn drive(
+/// Gives entries to their drivers again, and says which come out otherwise.
+fn repeat(
     session: &mut Session,
     verdict: &Verdict,
     scenarios: &[(String, Scenario)],
     places: &[usize],
     bar: &ProgressBar,
 ) -> Result<Vec<String>> {
-    let mut tickets: HashMap<Ticket, (usize, &Entry)> = HashMap::new();
-    for place in places {
-        let (Some(entry), Some((title, scenario))) = (verdict.entries.get(*place), scenarios.get(*place))
+    let mut tickets: HashMap<Ticket, (usize, &Entry, &str, &Scenario)> = HashMap::new();
+    let mut ordered = places.to_vec();
+    // Blocks of one driver together, since a worker keeps it from one to the next.
+    ordered.sort_by_key(|place| verdict.entries.get(*place).map(|entry| entry.driver));
+    for place in ordered {
+        let (Some(entry), Some((title, scenario))) = (verdict.entries.get(place), scenarios.get(place))
         else {
             continue;
         };
-        let drive = Drive {
-            scenario: scenario.clone(),
-            name: title.clone(),
-            trace: None,
-            images_every: 0,
-            skips: None,
-            view: None,
-        };
-        tickets.insert(session.drive(drive), (*place, entry));
+        tickets.insert(driven::submit(session, scenario, title), (place, entry, title, scenario));
     }
     bar.set_length(places.len() as u64);
     let among = tickets.keys().copied().collect();
     let mut wrong: BTreeMap<usize, String> = BTreeMap::new();
     while let Some((ticket, answer)) = session.next(&among, &mut |_| bar.tick())? {
         bar.inc(1);
-        let Some((place, entry)) = tickets.remove(&ticket) else { continue };
-        let Reply::Driven(driven) = answer? else {
-            return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
-        };
-        let outcome = &driven.outcome;
-        if let Some(error) = &outcome.error {
-            return Err(Error::new(format!("nothing can be verified, because a component failed: {error}")));
-        }
-        let (again, title) =
-            (checksum(&entry.id, outcome), scenarios.get(place).map_or("", |(title, _)| title.as_str()));
-        if again != entry.checksum || outcome.cause != entry.cause {
+        let Some((place, entry, title, scenario)) = tickets.remove(&ticket) else { continue };
+        let came = driven::came(scenario, answer?).map_err(|error| {
+            error.at(format_args!("nothing can be verified, because a component failed in `{title}`"))
+        })?;
+        let again = came.checksum(&entry.id);
+        if again != entry.checksum || came.ending() != entry.cause {
             let text = format!(
                 "entry {place}, {title} with the {} driver: the verdict says {} with the checksum {}, and it came to {} with {again}",
                 entry.driver.text(),
                 entry.cause.text(),
                 entry.checksum,
-                outcome.cause.text()
+                came.ending().text()
             );
             wrong.insert(place, text);
         }

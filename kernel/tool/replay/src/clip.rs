@@ -1,4 +1,4 @@
-//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at where that was
+//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at if that was
 //! recorded, and below it what the vehicle did.
 
 use std::path::Path;
@@ -63,7 +63,7 @@ struct Film {
 struct Layout {
     /// Size of a shown frame.
     shown: (u32, u32),
-    /// How many times it is enlarged; 0 where it is reduced.
+    /// How many times it is enlarged; 0 if it is reduced.
     factor: u32,
     /// How many frames stand side by side.
     panels: u32,

@@ -43,7 +43,7 @@ pub struct PublishedScenario {
     pub waypoints: String,
     /// The perturbation; several are joined with a plus sign, and none is empty.
     pub perturbation_function: String,
-    /// Its level: that of the first where there are several, that at the start where it changes, 0 where there is none.
+    /// Its level: that of the first if there are several, that at the start if it changes, 0 if there is none.
     pub perturbation_scale: f64,
 }
 

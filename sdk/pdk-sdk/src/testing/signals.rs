@@ -2,7 +2,7 @@
 
 use pdk_seed::Key;
 
-use super::ensure;
+use super::sample::ensure;
 use crate::config::{Config, frame_values};
 use crate::describe::{ActsOn, Description, LEVELS};
 use crate::error::Result;
@@ -14,7 +14,7 @@ const FRAMES: u64 = 80;
 const PERIOD: f64 = 0.05;
 
 /// Checks that what a perturbation makes of a signal can be used, and follows from the signals that it asks for alone.
-pub(super) fn check(
+pub(crate) fn check(
     description: &Description,
     config: &Config,
     make: &mut dyn FnMut(&Config) -> Result<Box<dyn Perturbation>>,
@@ -72,7 +72,6 @@ fn sample(acts_on: ActsOn, frame_index: u64) -> Numbers {
 mod tests {
     use super::*;
     use crate::driver::{Control, DriveContext};
-    use crate::testing::check_perturbation;
 
     /// Breaks one rule, as told.
     struct Rogue(&'static str, f64);
@@ -101,7 +100,8 @@ mod tests {
     fn check(rule: &'static str, acts_on: ActsOn) -> std::result::Result<(), String> {
         let description = Description::perturbation("rogue", "Breaks a rule").acts_on(acts_on).history(2);
         let mut make = |_: &Config| Ok(Box::new(Rogue(rule, 0.0)) as Box<dyn Perturbation>);
-        check_perturbation(&description, &Config::default(), &mut make).map_err(|error| error.to_string())
+        crate::perturbation::check(&description, &Config::default(), &mut make)
+            .map_err(|error| error.to_string())
     }
 
     #[test]

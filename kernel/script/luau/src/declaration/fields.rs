@@ -68,7 +68,7 @@ impl Fields<'_> {
             .ok_or_else(|| Error::new(format!("`{name}` of {} has to be one line of text", self.of)))
     }
 
-    /// A text of one line, or an empty one where it is left out.
+    /// A text of one line, or an empty one if it is left out.
     pub(super) fn optional_line(&self, name: &str) -> Result<String> {
         if self.get(name)?.is_nil() { Ok(String::new()) } else { self.line(name) }
     }

@@ -109,7 +109,7 @@ pub const PARAMETER: ApiRecord = ApiRecord {
         field("name", "string", "Its name, under which `cx` has its value."),
         field("doc", "string", "One line that says what it is."),
         field("levels", "{ number }?", "The values at the intensities 0, 1, 2, 3 and 4."),
-        field("default", "(number | boolean | string)?", "The value where the user sets none."),
+        field("default", "(number | boolean | string)?", "The value if the user sets none."),
         field(
             "type",
             "(\"number\" | \"integer\" | \"boolean\" | \"choice\" | \"text\")?",

@@ -285,7 +285,7 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
     for (source, expected) in [
         (
             "return cx.strenght",
-            "cx has no field `strenght`; there are intensity, frame_index, time, history, frame_random, sequence_random",
+            "cx has no field `strenght`; there are intensity, frame_index, time, history, period, frame_random, sequence_random",
         ),
         ("return cx.intensty", "cx has no field `intensty`; did you mean `intensity`?"),
         (

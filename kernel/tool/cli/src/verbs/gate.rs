@@ -10,7 +10,7 @@ use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_pipeline::follow::Audience;
 use pdk_replay::replay::{Film, Replay};
-use pdk_sdk::error::{Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::Limits;
@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Write the result as JUnit XML, a test case for each requirement
     #[arg(long, value_name = "FILE.xml")]
     junit: Option<PathBuf>,
-    /// Write a clip of each new failure to this folder
+    /// Write a clip of each new failure to this folder; not for recordings
     #[arg(long, value_name = "DIR")]
     clips: Option<PathBuf>,
     /// Write the new failures as a suite, for the gates to come
@@ -59,9 +59,15 @@ pub fn suite_help() -> String {
 pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
     let audience = if global.json { Audience::None } else { Audience::Person };
     let loaded = Loaded::find(&arguments.suite)?;
+    if arguments.clips.is_some() && loaded.suite.is_recorded() {
+        return Err(Error::new(format!(
+            "clips are of drives, and {} is a suite of recordings; leave out --clips",
+            arguments.suite
+        )));
+    }
     let options = arguments.settings.options(global, audience)?;
     let (pool, limits) = (options.common.pool(), options.common.limits());
-    let mut judged = gate::run(&loaded, [&arguments.old, &arguments.new], options)?;
+    let mut judged = gate::run(loaded, [&arguments.old, &arguments.new], options)?;
     for warning in &judged.warnings {
         eprintln!("pdk: warning: {warning}");
     }
@@ -97,7 +103,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
 
 fn print(judged: &Judged) {
     println!("{}", shown::requirements(judged));
-    if let Some(sentence) = shown::explanation(judged) {
+    for sentence in shown::explanation(judged).into_iter().chain(shown::luck(judged)) {
         println!("{sentence}");
     }
     if !judged.failures.is_empty() {
@@ -107,7 +113,8 @@ fn print(judged: &Judged) {
         println!("{line}");
     }
     if judged.known > 0 {
-        println!("{} of {} drives were in a record already", judged.known, judged.drives.0);
+        let (all, unit) = (judged.drives.0, judged.verdict.unit());
+        println!("{} of {all} {unit} were in a record already", judged.known);
     }
     for line in &judged.speed {
         println!("{line}");

@@ -85,7 +85,7 @@ fn print(component: &Entry) {
         fact("depth", &format!("with {choice} it needs a simulator that knows how far away pixels are"));
     }
     match description.geometry {
-        Geometry::Moved => fact("labels", "moved along, where there are any"),
+        Geometry::Moved => fact("labels", "moved along, if there are any"),
         Geometry::Altered => fact("labels", "cannot be moved along: it cannot say where it shows things"),
         Geometry::Kept | Geometry::Undeclared => {}
     }

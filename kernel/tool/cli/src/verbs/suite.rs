@@ -7,11 +7,14 @@ use pdk_gate::loaded::Loaded;
 use pdk_gate::step::{Step, steps};
 use pdk_gate::suite::ENDING;
 use pdk_notice::println;
+use pdk_pipeline::readers;
 use pdk_record::directory::MANIFEST;
 use pdk_record::ledger::Line;
 use pdk_replay::replay::Replay;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
+use pdk_session::connection::Pool;
+use pdk_supervise::supervisor::Limits;
 use serde_json::json;
 
 use super::{Global, print_json};
@@ -47,7 +50,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             "{from} is not the record of a run; --out and --scenario are for records"
         )));
     }
-    let loaded = Loaded::find(from)?;
+    let mut loaded = Loaded::find(from)?;
+    if loaded.suite.is_recorded() {
+        let mut session = global.session("suite", Pool::Here(1), Limits::default(), global.search_path())?;
+        let catalog = session.catalog().clone();
+        loaded.open(&catalog, &mut |dataset| readers::recording(&mut session, dataset))?;
+    }
     let suite = &loaded.suite;
     let all: Vec<Step> = steps(&loaded).collect::<Result<_>>()?;
     if global.json {
@@ -71,7 +79,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     println!("scenarios   at most {pairs} for both drivers, {alone} for the new one alone");
     println!("alpha       {}", suite.test.alpha);
     for requirement in suite.required() {
-        println!("requires    {}", requirement.described(suite.test.tolerated));
+        println!("requires    {}", requirement.described(suite.test.tolerated, suite.drawn()));
     }
     Ok(())
 }

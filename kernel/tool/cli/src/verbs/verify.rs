@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use pdk_gate::loaded::Loaded;
 use pdk_gate::verdict::Verdict;
 use pdk_gate::verify::{self, Verified, Wanted};
+use pdk_model::scenario::ScenarioId;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_record::directory::VERDICT;
@@ -27,6 +28,9 @@ pub struct Arguments {
     /// A text of your own that goes into the draw, so that the maker of the verdict could not foresee which drives are repeated
     #[arg(long, value_name = "TEXT", default_value = "")]
     draw: String,
+    /// Repeat this one alone, by its id, instead of those that are drawn
+    #[arg(long, value_name = "ID", conflicts_with_all = ["probes", "draw"])]
+    scenario: Option<ScenarioId>,
     #[arg(long, value_name = "SUITE", help = suite_help() + " [default: what the verdict names]")]
     suite: Option<String>,
     /// A file, such as a network, that takes the place of the one that the verdict names and has its content; may be given several times
@@ -41,11 +45,11 @@ pub struct Arguments {
 
 /// Verifies; returns whether the verdict holds.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
-    let Arguments { verdict, probes, draw, suite, files, workers, trust } = arguments;
+    let Arguments { verdict, probes, draw, scenario, suite, files, workers, trust } = arguments;
     let path = if verdict.is_dir() { verdict.join(VERDICT) } else { verdict.clone() };
     let verdict = Verdict::read(&path)?;
     let named = suite.as_ref().unwrap_or(&verdict.suite.named);
-    let loaded = Loaded::find(named).map_err(|error| {
+    let mut loaded = Loaded::find(named).map_err(|error| {
         let was = &verdict.suite;
         Error::of(
             error.kind(),
@@ -57,11 +61,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
     })?;
     verify::check_suite(&verdict, &loaded)?;
     let session = global.session("verify", workers.pool(), workers.limits()?, global.search_path())?;
-    let wanted = Wanted { probes: *probes, draw: draw.clone(), files: files.clone(), trust: *trust };
-    let progress = pdk_terminal::progress(global.json, "{pos}/{len} drives, {eta} left");
-    let verified = verify::verify(&verdict, &loaded, session, &wanted, &progress)?;
+    let wanted =
+        Wanted { probes: *probes, draw: draw.clone(), only: *scenario, files: files.clone(), trust: *trust };
+    let progress = pdk_terminal::progress(global.json, "{pos}/{len} repeated, {eta} left");
+    let verified = verify::verify(&verdict, &mut loaded, session, &wanted, &progress)?;
     for change in &verified.changes {
-        eprintln!("pdk: warning: since the verdict was made, {change}, so drives may come out otherwise");
+        eprintln!("pdk: warning: since the verdict was made, {change}, so outcomes may be others");
     }
     let holds = verified.refuted.is_empty();
     match global.json {
@@ -83,11 +88,12 @@ fn print(verdict: &Verdict, verified: &Verified) {
         return;
     }
     println!("Its root, its scenarios and its decision agree with each other and with the suite.");
-    println!("{} of {entries} drives were repeated and came out the same, bit for bit.", probes.len());
+    let unit = verdict.unit();
+    println!("{} of {entries} {unit} were repeated and came out the same, bit for bit.", probes.len());
     // Of all drives, nothing is left to chance.
     for (share, probability) in chances.iter().filter(|_| probes.len() < *entries) {
         println!(
-            "If {:.0} % of its drives were false, this would have shown with a probability of {:.1} %.",
+            "If {:.0} % of its {unit} were false, this would have shown with a probability of {:.1} %.",
             100.0 * share,
             100.0 * probability
         );
