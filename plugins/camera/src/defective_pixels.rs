@@ -204,5 +204,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<DefectivePixels>();
+        crate::allocations::on_the_first_frames_alone::<DefectivePixels>();
     }
 }

@@ -98,5 +98,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<ExposureHunting>();
+        crate::allocations::on_the_first_frames_alone::<ExposureHunting>();
     }
 }

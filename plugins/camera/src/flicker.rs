@@ -103,5 +103,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<Flicker>();
+        crate::allocations::on_the_first_frames_alone::<Flicker>();
     }
 }

@@ -4,8 +4,12 @@ mod defective_pixels;
 mod exposure_hunting;
 mod flicker;
 mod rolling_shutter;
+mod sensor_noise;
 mod stuck_white_balance;
 
+#[cfg(test)]
+#[path = "../../allocations.rs"]
+mod allocations;
 #[cfg(test)]
 mod test_frames;
 
@@ -15,6 +19,7 @@ pdk_sdk::export! {
         exposure_hunting::ExposureHunting,
         flicker::Flicker,
         rolling_shutter::RollingShutter,
+        sensor_noise::SensorNoise,
         stuck_white_balance::StuckWhiteBalance,
     ]
 }

@@ -134,5 +134,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<StuckWhiteBalance>();
+        crate::allocations::on_the_first_frames_alone::<StuckWhiteBalance>();
     }
 }

@@ -194,5 +194,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<Condensation>();
+        crate::allocations::on_the_first_frames_alone::<Condensation>();
     }
 }

@@ -161,5 +161,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<LensFlare>();
+        crate::allocations::on_the_first_frames_alone::<LensFlare>();
     }
 }

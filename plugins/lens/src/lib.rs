@@ -29,6 +29,7 @@ mod water;
 mod water_film;
 
 #[cfg(test)]
+#[path = "../../allocations.rs"]
 mod allocations;
 #[cfg(test)]
 #[path = "../../golden.rs"]

@@ -207,5 +207,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<WaterFilm>();
+        crate::allocations::on_the_first_frames_alone::<WaterFilm>();
     }
 }

@@ -107,5 +107,6 @@ mod tests {
     #[test]
     fn any_frame_needs_its_predecessors_alone() {
         any_frame_can_be_computed_alone::<BitErrors>();
+        crate::allocations::on_the_first_frames_alone::<BitErrors>();
     }
 }

@@ -165,6 +165,8 @@ impl Codec {
             }
         }
         self.bits.clear();
+        // So that a stream that is longer than the one before finds room.
+        self.bits.bytes.reserve(3 * src.width() * src.height());
         self.begins.clear();
         for row in 0..self.rows {
             self.begins.push(self.bits.length);

@@ -14,6 +14,9 @@ mod partial_frames;
 mod reordered_frames;
 
 #[cfg(test)]
+#[path = "../../allocations.rs"]
+mod allocations;
+#[cfg(test)]
 mod test_sequence;
 
 pdk_sdk::export! {

@@ -3,7 +3,7 @@
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
-use crate::distances::{self, Distances};
+use crate::distances::{self, Distances, haze};
 
 /// The contrast that is left of a black thing before the sky at the visibility, by the definition of the meteorological optical range.
 const THRESHOLD: f64 = 0.05;
@@ -43,51 +43,23 @@ impl Component for FogByVisibility {
     }
 }
 
-/// The share of light that is left after a distance, for an extinction per metre.
-#[inline]
-pub fn left(distance: f32, extinction: f32) -> f32 {
-    libm::expf(-extinction * distance)
-}
-
 impl Perturbation for FogByVisibility {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        self.distances.look(src.width(), src.height(), cx)?;
+        let distances = self.distances.of(src.width(), src.height(), cx)?;
         let extinction = (-libm::log(THRESHOLD) / cx.number("visibility")) as f32;
         let air = self.light.of(cx.number("air").round() as u8);
-        for (y, (to, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
-            let distances = self.distances.row(y, cx);
-            for ((to, from), distance) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)).zip(distances) {
-                let left = left(distance, extinction);
-                let scattered = air * (1.0 - left);
-                for (to, value) in to.iter_mut().zip(from) {
-                    *to = self.light.store(self.light.of(*value) * left + scattered);
-                }
-            }
-        }
+        haze(&self.light, src, &mut dst, distances, extinction, [air; 3]);
         Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::ops::light::{from_light, to_light};
-    use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::serde_json::json;
 
     use super::*;
-
-    fn fogged(given: &Value, source: &FrameBuf, depth: Option<&[f32]>) -> FrameBuf {
-        let description = FogByVisibility::description();
-        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let (mut values, key) = (Vec::new(), Key([2; 32]));
-        frame_values(&description, &config, 2.0, &mut values);
-        let mut cx = Context::new(2.0, 0, 0.0, &key).with_values(&names, &values);
-        cx.depth = depth;
-        let mut out = FrameBuf::new(source.width(), source.height());
-        FogByVisibility::new(&config).unwrap().apply(source.as_ref(), out.as_mut(), &cx).unwrap();
-        out
-    }
+    use crate::test_frames::{even, perturbed};
 
     /// Koschmieder's law in double precision, at depths that are known, to within one of 255.
     #[test]
@@ -103,14 +75,15 @@ mod tests {
         for (visibility, air) in [(30.0, 205u8), (200.0, 120), (1000.0, 255)] {
             let given =
                 json!({"depth": "simulator", "visibility": visibility, "air": air, "field_of_view": 90});
-            let found = fogged(&given, &source, Some(&depth));
+            let found = perturbed::<FogByVisibility>(&given, &source, Some(&depth));
             let mut worst = 0.0f64;
             for y in 0..height {
                 for x in 0..width {
                     let focal = width as f64 / 2.0;
                     let u = (x as f64 + 0.5 - width as f64 / 2.0) / focal;
                     let v = (y as f64 + 0.5 - height as f64 / 2.0) / focal;
-                    let distance = f64::from(depth[y * width + x]) * (1.0 + u * u + v * v).sqrt();
+                    let way = f64::from(depth[y * width + x]) * (1.0 + u * u + v * v).sqrt();
+                    let distance = way.min(1000.0);
                     let left = libm::pow(0.05, distance / visibility);
                     for channel in 0..3 {
                         let value = f64::from(source.as_ref().pixel(x, y)[channel]) / 255.0;
@@ -131,7 +104,7 @@ mod tests {
         let mut light = |value: u8| {
             source.as_mut().set_pixel(0, 0, [value; 3]);
             let given = json!({"depth": "simulator", "visibility": 100, "air": 255, "field_of_view": 20});
-            let found = fogged(&given, &source, Some(&[100.0]));
+            let found = perturbed::<FogByVisibility>(&given, &source, Some(&[100.0]));
             to_light(f64::from(found.data()[0]) / 255.0)
         };
         let contrast = 1.0 - light(0);
@@ -141,9 +114,8 @@ mod tests {
 
     #[test]
     fn on_the_plane_of_the_ground_the_sky_is_fog_and_what_is_near_stays() {
-        let mut source = FrameBuf::new(40, 60);
-        source.as_mut().rows_mut().for_each(|row| row.fill(30));
-        let found = fogged(&json!({"visibility": 50, "air": 200}), &source, None);
+        let given = json!({"visibility": 50, "air": 200});
+        let found = perturbed::<FogByVisibility>(&given, &even(30, 40, 60), None);
         assert_eq!(found.as_ref().pixel(20, 0), [200; 3]);
         let near = found.as_ref().pixel(20, 59)[0];
         assert!((30..80).contains(&near), "{near}");
@@ -154,5 +126,6 @@ mod tests {
     #[test]
     fn rules() {
         pdk_sdk::testing::perturbation::<FogByVisibility>();
+        crate::allocations::on_the_first_frames_alone::<FogByVisibility>();
     }
 }

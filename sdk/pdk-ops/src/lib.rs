@@ -49,6 +49,7 @@ pub mod resize;
 pub mod sample;
 pub mod saturation;
 pub mod scatter;
+pub mod sensor;
 pub mod sharpen;
 mod simd;
 mod small_gaussian;
