@@ -38,7 +38,7 @@ impl Component for LensFlare {
         .mathematics("light(v) + strength stray(x, y), clipped and stored")
         .drawn_per_sequence("where the source is")
         .source("Veiling glare and ghosts as in ISO 18844:2017 and Hullin et al., Physically-based real-time lens flare rendering (2011)")
-        .parameter(Parameter::by_level("strength", [0.15, 0.3, 0.6, 1.2, 2.5], "how bright the stray light is").range(0.0, 100.0))
+        .parameter(Parameter::by_level("strength", [0.3, 0.7, 1.5, 3.0, 6.0], "how bright the stray light is").range(0.0, 100.0))
         .parameter(Parameter::choice(
             "source",
             &["drawn", "placed"],

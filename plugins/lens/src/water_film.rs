@@ -31,7 +31,7 @@ impl Component for WaterFilm {
         .mathematics("frame(p + bend H grad(h)(p / H - flow t)), h two layers of waves that run at different speeds")
         .drawn_per_sequence("the waves")
         .source("Refraction by a thin film, of first order in its slope, as in Halimeh and Roser, Raindrop detection on car windshields using geometric-photometric environment construction (2009)")
-        .parameter(Parameter::by_level("bend", [0.002, 0.004, 0.008, 0.014, 0.024], "how far the steepest waves bend the light, in heights of the frame").range(0.0, 0.2))
+        .parameter(Parameter::by_level("bend", [0.004, 0.008, 0.016, 0.03, 0.05], "how far the steepest waves bend the light, in heights of the frame").range(0.0, 0.2))
         .parameter(Parameter::number("flow", 0.25, "how fast the film runs down, in heights of the frame a second").range(0.0, 10.0).unit("1/s"))
     }
 

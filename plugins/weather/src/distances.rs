@@ -7,6 +7,9 @@ use pdk_sdk::prelude::*;
 /// The camera of the embedded simulator, behind the windscreen of a car.
 const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
 
+/// How far away the sky of a simulator is, in metres, so that nothing is infinite.
+const SKY: f32 = 100_000.0;
+
 /// Where distances come from.
 #[derive(Clone, Copy, PartialEq)]
 enum Source {
@@ -40,9 +43,10 @@ pub fn described(description: Description) -> Description {
         .depth_with("depth", "simulator")
         .mounting(MOUNTING, 0.1..=10.0, -45.0..=45.0)
         .parameter(
-            Parameter::number("beyond", 1000.0, "how far away everything above the horizon is on the plane of the ground; what is further away counts as that far, too")
+            Parameter::number("beyond", 150.0, "how far away everything above the horizon is, and the furthest that the ground is")
                 .range(1.0, 100_000.0)
-                .unit("m"),
+                .unit("m")
+                .only_for("depth", "ground"),
         )
 }
 
@@ -103,9 +107,8 @@ impl Distances {
                 "it needs to know how far away pixels are, and only simulators tell; set `depth=ground`",
             ));
         };
-        let beyond = self.beyond as f32;
         self.seen.clear();
-        self.seen.extend(depth.iter().zip(&self.ways).map(|(depth, way)| (depth * way).min(beyond)));
+        self.seen.extend(depth.iter().zip(&self.ways).map(|(depth, way)| (depth * way).min(SKY)));
         Ok(&self.seen)
     }
 
@@ -200,6 +203,6 @@ mod tests {
             (row[0] - way(0.75, 0.25)).abs() < 1e-4 && (row[1] - way(0.25, 0.25)).abs() < 1e-4,
             "{row:?}"
         );
-        assert_eq!(row[3], 1000.0);
+        assert_eq!(row[3], SKY);
     }
 }

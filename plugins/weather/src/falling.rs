@@ -8,9 +8,9 @@ use crate::distances::{self, Distances};
 /// Up to this distance in metres drops and flakes are drawn one by one.
 const FARTHEST: f64 = 3.0;
 /// The nearest that is drawn: nearer ones are out of focus.
-const NEAREST: f64 = 0.4;
+const NEAREST: f64 = 0.6;
 /// The most that are drawn.
-const MOST: usize = 4000;
+const MOST: usize = 3000;
 
 /// What falls at a rate: how much of it there is, by size, and how it moves. Sizes count by the water in them: a flake is as large as the
 /// drop that it melts to.

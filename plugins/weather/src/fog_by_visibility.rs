@@ -82,8 +82,7 @@ mod tests {
                     let focal = width as f64 / 2.0;
                     let u = (x as f64 + 0.5 - width as f64 / 2.0) / focal;
                     let v = (y as f64 + 0.5 - height as f64 / 2.0) / focal;
-                    let way = f64::from(depth[y * width + x]) * (1.0 + u * u + v * v).sqrt();
-                    let distance = way.min(1000.0);
+                    let distance = f64::from(depth[y * width + x]) * (1.0 + u * u + v * v).sqrt();
                     let left = libm::pow(0.05, distance / visibility);
                     for channel in 0..3 {
                         let value = f64::from(source.as_ref().pixel(x, y)[channel]) / 255.0;
@@ -116,7 +115,7 @@ mod tests {
     fn on_the_plane_of_the_ground_the_sky_is_fog_and_what_is_near_stays() {
         let given = json!({"visibility": 50, "air": 200});
         let found = perturbed::<FogByVisibility>(&given, &even(30, 40, 60), None);
-        assert_eq!(found.as_ref().pixel(20, 0), [200; 3]);
+        assert!(found.as_ref().pixel(20, 0).iter().all(|value| value.abs_diff(200) <= 1));
         let near = found.as_ref().pixel(20, 59)[0];
         assert!((30..80).contains(&near), "{near}");
         let column: Vec<u8> = (0..60).map(|y| found.as_ref().pixel(20, y)[0]).collect();

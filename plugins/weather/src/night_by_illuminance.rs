@@ -110,7 +110,7 @@ fn share(beam: Beam, right: f64, down: f64) -> f64 {
         // Dark above the cut-off at the horizon, brightest 0.7 degrees below it, and ever less down to the road before the vehicle.
         Beam::Low if down < 0.0 => 0.015,
         Beam::Low if down < 0.012 => 0.015 + 0.985 * down / 0.012,
-        Beam::Low => 0.03 + 0.97 * libm::exp(-(down - 0.012) / 0.05),
+        Beam::Low => 0.01 + 0.99 * libm::exp(-(down - 0.012) / 0.03),
     };
     across * along
 }

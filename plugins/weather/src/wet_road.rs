@@ -27,8 +27,8 @@ const FAR: [f64; 2] = [25.0, 50.0];
 /// What a pixel of the ground mirrors.
 #[derive(Clone, Copy, Default)]
 struct Mirror {
-    /// The share of light that water reflects at this angle; 0 for what is not ground.
-    reflects: f32,
+    /// The share of light that water reflects at this angle, with waves and in puddles; 0 for what is not ground.
+    reflects: [f32; 2],
     /// How much it looks down: the side of a vector of length 1.
     down: f32,
     /// The column and the row that it shows.
@@ -79,6 +79,11 @@ impl Component for WetRoad {
         )
         .parameter(
             Parameter::by_level("puddles", [0.0, 0.0, 0.02, 0.07, 0.2], "share of the ground that lies under puddles").range(0.0, 1.0),
+        )
+        .parameter(
+            Parameter::number("beside", 5.0, "how far the road reaches to either side of the camera; what lies further away stays dry")
+                .range(0.0, 1000.0)
+                .unit("m"),
         )
         .parameter(Parameter::number("texture", 0.8, "how deep the texture of the road is, which stands out of thin films").range(0.01, 10.0).unit("mm"))
         .parameter(
@@ -137,7 +142,8 @@ impl Water {
                 let (axis, below) = (ahead * cosine - down * sine, -ahead * sine - down * cosine);
                 let column = width as f64 / 2.0 + focal * right / axis;
                 Mirror {
-                    reflects: fresnel(down) as f32,
+                    // Of waves one sees more of the sides that face the camera.
+                    reflects: RIPPLES.map(|slope| fresnel((down + slope).min(1.0)) as f32),
                     down: down as f32,
                     column: column.clamp(0.0, width as f64 - 1.0) as u32,
                     row: (height as f64 / 2.0 + focal * below / axis) as f32,
@@ -216,10 +222,12 @@ impl Perturbation for WetRoad {
         water.hollow_out(cx);
         water.sum_up(src);
         let camera = self.distances.mounting().height as f32;
-        let ripples = RIPPLES.map(|slope| 2.0 * slope * self.distances.focal(width));
+        let ripples = RIPPLES.map(|slope| (2.0 * slope * self.distances.focal(width)) as f32);
+        // On the plane of the ground nothing stands.
+        let stands = !self.distances.stay();
         let distances = self.distances.of(width, height, cx)?;
-        let (film, share) = (cx.number("film"), cx.number("puddles"));
-        let smooth = -libm::expm1(-film / cx.number("texture"));
+        let (film, share, beside) = (cx.number("film"), cx.number("puddles"), cx.number("beside") as f32);
+        let smooth = -libm::expm1(-film / cx.number("texture")) as f32;
         let driven = cx.travelled.unwrap_or(cx.time * cx.number("speed"));
         // Dry ground that is wet, by the stored value.
         let soaked = (film / DAMP).min(1.0);
@@ -230,18 +238,23 @@ impl Perturbation for WetRoad {
         for (y, (to, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
             for (x, (to, from)) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)).enumerate() {
                 let (mirror, distance) = (water.mirrors[y * width + x], distances[y * width + x]);
-                // On the plane of the ground this is as far below the camera as the ground is.
-                let above = (camera - mirror.down * distance).abs();
-                if mirror.reflects == 0.0 || above > ABOVE[0] + ABOVE[1] * distance {
+                // Below the camera as far as the road is, but for rounding, hills and what stands on it.
+                let above = if stands { (camera - mirror.down * distance).abs() } else { 0.0 };
+                // The edge of the road is not a line.
+                let on_road = (beside + 0.5 - mirror.place[0].abs()).clamp(0.0, 1.0);
+                if mirror.down <= 0.0 || on_road <= 0.0 || above > ABOVE[0] + ABOVE[1] * distance {
                     to.copy_from_slice(from);
                     continue;
                 }
-                let puddle = water.puddle(mirror.place, driven, share);
-                let mirrors = mirror.reflects * (smooth + (1.0 - smooth) * puddle) as f32;
-                let spread = (ripples[0] + (ripples[1] - ripples[0]) * puddle) as f32;
+                let puddle = water.puddle(mirror.place, driven, share) as f32;
+                let [waves, still] = mirror.reflects;
+                let mirrors = on_road * (smooth * waves * (1.0 - puddle) + still * puddle);
+                let spread = ripples[0] + (ripples[1] - ripples[0]) * puddle;
                 let mirrored = water.mirrored(mirror, spread);
                 for ((to, from), mirrored) in to.iter_mut().zip(from).zip(mirrored) {
-                    *to = water.light.store(dark[*from as usize] + mirrors * mirrored);
+                    let dry = water.light.of(*from);
+                    let ground = dry + on_road * (dark[*from as usize] - dry);
+                    *to = water.light.store(ground + mirrors * mirrored);
                 }
             }
         }
@@ -295,7 +308,7 @@ mod tests {
         for y in [31, 40, 59] {
             let (right, down) = (0.5 / focal, (f64::from(y) + 0.5 - 30.0) / focal);
             let light = to_light(60.0 / 255.0);
-            let reflects = fresnel(down / (1.0 + down * down + right * right).sqrt());
+            let reflects = fresnel(down / (1.0 + down * down + right * right).sqrt() + RIPPLES[0]);
             let expected = 255.0 * from_light(light * wet(light) + reflects * to_light(200.0 / 255.0));
             let seen = found.as_ref().pixel(40, y as usize);
             assert!(
