@@ -8,9 +8,14 @@ use crate::distances::{self, Distances, haze};
 /// The contrast that is left of a black thing before the sky at the visibility, by the definition of the meteorological optical range.
 const THRESHOLD: f64 = 0.05;
 
+/// The colour of dust, as shares of its grey: that of sand in the air, which absorbs blue.
+const DUST: [f64; 3] = [1.0, 0.84, 0.62];
+
 /// Scatters the light of the air into the frame.
 pub struct FogByVisibility {
     light: Light,
+    /// Red, green and blue of what is in the air, as shares of its grey.
+    colour: [f64; 3],
     distances: Distances,
 }
 
@@ -18,7 +23,7 @@ impl Component for FogByVisibility {
     fn description() -> Description {
         let description = Description::perturbation(
             "fog_by_visibility",
-            "Puts fog between the camera and the scene that leaves a visibility in metres, so that what is further away fades more",
+            "Puts fog or dust between the camera and the scene that leaves a visibility in metres, so that what is further away fades more",
         )
         .family("weather")
         .not_default()
@@ -34,12 +39,14 @@ impl Component for FogByVisibility {
             .range(1.0, 100_000.0)
             .unit("m"),
         )
+        .parameter(Parameter::choice("of", &["fog", "dust"], "what is in the air: grey fog, or dust, which is brown"))
         .parameter(Parameter::number("air", 205.0, "grey of the fog itself: 0 is black, 255 white").range(0.0, 255.0));
         distances::described(description)
     }
 
     fn new(config: &Config) -> Result<Self> {
-        Ok(Self { light: Light::new(), distances: Distances::new(config) })
+        let colour = if config.text("of") == "dust" { DUST } else { [1.0; 3] };
+        Ok(Self { light: Light::new(), colour, distances: Distances::new(config) })
     }
 }
 
@@ -47,8 +54,9 @@ impl Perturbation for FogByVisibility {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let distances = self.distances.of(src.width(), src.height(), cx)?;
         let extinction = (-libm::log(THRESHOLD) / cx.number("visibility")) as f32;
-        let air = self.light.of(cx.number("air").round() as u8);
-        haze(&self.light, src, &mut dst, distances, extinction, [air; 3]);
+        let grey = cx.number("air");
+        let air = self.colour.map(|share| self.light.of((share * grey).round() as u8));
+        haze(&self.light, src, &mut dst, distances, extinction, air);
         Ok(())
     }
 }
@@ -120,6 +128,13 @@ mod tests {
         assert!((30..80).contains(&near), "{near}");
         let column: Vec<u8> = (0..60).map(|y| found.as_ref().pixel(20, y)[0]).collect();
         assert!(column.windows(2).all(|pair| pair[0] >= pair[1]), "{column:?}");
+    }
+
+    #[test]
+    fn dust_is_brown_and_hides_as_much() {
+        let given = json!({"visibility": 20, "air": 200, "of": "dust"});
+        let found = perturbed::<FogByVisibility>(&given, &even(30, 40, 60), None);
+        assert_eq!(found.as_ref().pixel(20, 0), [200, 168, 124]);
     }
 
     #[test]

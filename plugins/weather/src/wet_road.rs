@@ -1,10 +1,10 @@
 //! Wet road: water darkens the ground and mirrors what is above the horizon, by the thickness of its film.
 
-use pdk_sdk::ops::canvas::Canvas;
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
 use crate::distances::{self, Distances};
+use crate::patches::{self, Patches};
 
 /// The refractive index of water.
 const INDEX: f64 = 1.333;
@@ -18,12 +18,6 @@ const DAMP: f64 = 0.1;
 const RIPPLES: [f64; 2] = [0.05, 0.012];
 /// What is higher than this above the road, in metres, or than this share of its distance, is not the road.
 const ABOVE: [f32; 2] = [0.12, 0.01];
-/// The side of the map of puddles in texels, and of a texel in metres.
-const SIDE: usize = 256;
-const TEXEL: f64 = 0.1;
-/// From here on, in metres, puddles are too small to be told apart, and from there on they are not.
-const FAR: [f64; 2] = [25.0, 50.0];
-
 /// What a pixel of the ground mirrors.
 #[derive(Clone, Copy, Default)]
 struct Mirror {
@@ -54,9 +48,7 @@ struct Water {
     /// How many rows are above the horizon.
     sky: usize,
     size: [usize; 2],
-    /// Where water gathers: the share of the ground that lies deeper, for a key.
-    hollows: Vec<f32>,
-    made_for: Option<Key>,
+    puddles: Patches,
 }
 
 impl Component for WetRoad {
@@ -69,7 +61,7 @@ impl Component for WetRoad {
         .dynamic()
         .not_default()
         .keeps_geometry()
-        .mathematics("light(v) (1 - 0.98 a / (1 - 0.47 (1 - a)) - 0.02) / (1 - a) + F(angle) m light(mirrored), a = 1 - light(v), m = 1 - exp(-film / texture), 1 in puddles")
+        .mathematics("light(v) 0.52 / (1 - 0.47 light(v)) + m F(angle) light(mirrored), m = 1 - exp(-film / texture), 1 in puddles")
         .drawn_per_sequence("where puddles are")
         .source("Darkening by Lekner and Dorf, Why some things are darker when wet (1988); reflection by Fresnel's equations; thickness of films and depth of texture as in Gallaway et al., Tentative pavement and geometric design criteria for minimizing hydroplaning (1975)")
         .parameter(
@@ -85,13 +77,8 @@ impl Component for WetRoad {
                 .range(0.0, 1000.0)
                 .unit("m"),
         )
-        .parameter(Parameter::number("texture", 0.8, "how deep the texture of the road is, which stands out of thin films").range(0.01, 10.0).unit("mm"))
-        .parameter(
-            Parameter::number("speed", 8.0, "how fast the vehicle passes puddles if it is not known how far it has driven")
-                .range(0.0, 60.0)
-                .unit("m/s"),
-        );
-        distances::described(description)
+        .parameter(Parameter::number("texture", 0.8, "how deep the texture of the road is, which stands out of thin films").range(0.01, 10.0).unit("mm"));
+        distances::described(patches::described(description))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -110,11 +97,6 @@ fn fresnel(cosine: f64) -> f64 {
 /// What is left of the light that a dry surface reflects, as a share, if it is wet; `albedo` is what it reflects dry.
 fn wet(albedo: f64) -> f64 {
     (1.0 - KEPT_OUT) * (1.0 - KEPT) / (1.0 - KEPT * albedo.clamp(0.0, 1.0))
-}
-
-/// From 0 below the first value to 1 above the second.
-fn between(from: f64, to: f64, value: f64) -> f64 {
-    ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
 impl Water {
@@ -153,21 +135,6 @@ impl Water {
             .collect();
     }
 
-    /// Draws where water gathers.
-    fn hollow_out(&mut self, cx: &Context<'_>) {
-        if self.made_for == Some(*cx.key()) {
-            return;
-        }
-        self.made_for = Some(*cx.key());
-        let clouds = Canvas::clouds(SIDE, SIDE, 32.0, 4, &mut cx.sequence_random()).shades;
-        let mut order: Vec<usize> = (0..clouds.len()).collect();
-        order.sort_by(|a, b| clouds[*b].total_cmp(&clouds[*a]));
-        self.hollows = vec![0.0; clouds.len()];
-        for (rank, place) in order.iter().enumerate() {
-            self.hollows[*place] = rank as f32 / clouds.len() as f32;
-        }
-    }
-
     /// The light of each row above the horizon and of all that are above it.
     fn sum_up(&mut self, src: Frame<'_>) {
         let (width, rows) = (src.width(), self.sky.max(1));
@@ -194,24 +161,6 @@ impl Water {
         let share = 1.0 / (end - first) as f32;
         [0, 1, 2].map(|channel| (below[channel] - above[channel]) * share)
     }
-
-    /// The share of a place that is under puddles.
-    #[inline]
-    fn puddle(&self, [right, ahead]: [f32; 2], driven: f64, share: f64) -> f64 {
-        if share <= 0.0 {
-            return 0.0;
-        }
-        // There and back over the map, so that it has no seams.
-        let texel = |metres: f64| {
-            let place = (metres / TEXEL).rem_euclid(2.0 * SIDE as f64);
-            (place.min(2.0 * SIDE as f64 - place) as usize).min(SIDE - 1)
-        };
-        let place = texel(f64::from(ahead) + driven) * SIDE + texel(f64::from(right) + 12.8);
-        let deeper = f64::from(self.hollows[place]);
-        let near = 1.0 - between(share, share + 0.02, deeper);
-        let far = between(FAR[0], FAR[1], f64::from(ahead));
-        near + (share - near) * far
-    }
 }
 
 impl Perturbation for WetRoad {
@@ -219,16 +168,17 @@ impl Perturbation for WetRoad {
         let (width, height) = (src.width(), src.height());
         let water = &mut self.water;
         water.prepare([width, height], &self.distances);
-        water.hollow_out(cx);
+        water.puddles.draw(cx);
         water.sum_up(src);
         let camera = self.distances.mounting().height as f32;
         let ripples = RIPPLES.map(|slope| (2.0 * slope * self.distances.focal(width)) as f32);
         // On the plane of the ground nothing stands.
         let stands = !self.distances.stay();
         let distances = self.distances.of(width, height, cx)?;
-        let (film, share, beside) = (cx.number("film"), cx.number("puddles"), cx.number("beside") as f32);
+        let film = cx.number("film");
+        let [share, beside] = ["puddles", "beside"].map(|name| cx.number(name) as f32);
         let smooth = -libm::expm1(-film / cx.number("texture")) as f32;
-        let driven = cx.travelled.unwrap_or(cx.time * cx.number("speed"));
+        let driven = patches::driven(cx);
         // Dry ground that is wet, by the stored value.
         let soaked = (film / DAMP).min(1.0);
         let dark: [f32; 256] = std::array::from_fn(|value| {
@@ -246,7 +196,7 @@ impl Perturbation for WetRoad {
                     to.copy_from_slice(from);
                     continue;
                 }
-                let puddle = water.puddle(mirror.place, driven, share) as f32;
+                let puddle = water.puddles.at(mirror.place, driven).cover(share);
                 let [waves, still] = mirror.reflects;
                 let mirrors = on_road * (smooth * waves * (1.0 - puddle) + still * puddle);
                 let spread = ripples[0] + (ripples[1] - ripples[0]) * puddle;
@@ -354,28 +304,11 @@ mod tests {
     }
 
     #[test]
-    fn puddles_cover_their_share_and_pass_as_the_vehicle_drives() {
-        let mut water = Water::default();
-        let key = Key([4; 32]);
-        water.hollow_out(&Context::new(2.0, 0, 0.0, &key));
-        let covered = |share: f64| -> f64 {
-            let places = (0..100).flat_map(|right| {
-                (0..200).map(move |ahead| [right as f32 * 0.25 - 12.7, ahead as f32 * 0.1])
-            });
-            places.map(|place| water.puddle(place, 0.0, share)).sum::<f64>() / 20_000.0
-        };
-        for share in [0.05, 0.2, 0.5] {
-            assert!((covered(share) - share).abs() < 0.04, "{share}: {}", covered(share));
-        }
-        let near: Vec<f64> =
-            (0..100).map(|step| water.puddle([1.0, 5.0 + step as f32 * 0.1], 0.0, 0.3)).collect();
-        let later: Vec<f64> =
-            (0..100).map(|step| water.puddle([1.0, 2.0 + step as f32 * 0.1], 3.0, 0.3)).collect();
-        let same = near.iter().zip(&later).filter(|(a, b)| (**a - **b).abs() < 0.3).count();
-        assert!(same > 85, "{same}");
+    fn puddles_pass_as_the_vehicle_drives() {
         let source = even(90, 80, 60);
         let at =
             |travelled: f64| perturbed_at::<WetRoad>(&json!({"puddles": 0.3}), &source, None, (3, travelled));
+        assert_eq!(at(2.0), at(2.0));
         assert_ne!(at(0.0), at(5.0));
     }
 
