@@ -8,7 +8,6 @@ mod fog_filter;
 mod fog_mapping;
 mod frost_filter;
 mod increase_brightness;
-mod lying_snow;
 mod night_by_illuminance;
 mod patches;
 mod rain_by_rate;
@@ -34,7 +33,6 @@ pdk_sdk::export! {
         fog_mapping::FogMapping,
         frost_filter::FrostFilter,
         increase_brightness::IncreaseBrightness,
-        lying_snow::LyingSnow,
         night_by_illuminance::NightByIlluminance,
         rain_by_rate::RainByRate,
         snow_by_rate::SnowByRate,
