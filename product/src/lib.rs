@@ -21,6 +21,7 @@ const PLUGINS: &[&str] = &[
     "affine",
     "beamng",
     "blur",
+    "camera",
     "carla",
     "color",
     "datasets",
