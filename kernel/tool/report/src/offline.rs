@@ -1,5 +1,6 @@
 //! What perturbations do to predictions on a recording.
 
+pub mod compare;
 pub mod picture;
 
 use std::collections::HashMap;
@@ -102,8 +103,18 @@ impl Scale {
     }
 }
 
-/// The sentences on top of the page; of several evaluations they name the driver.
-pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> {
+/// The sentences on top of the page about these evaluations: what breaks each, whether one is better than another, and what was done.
+pub fn verdict(evaluations: &[Evaluation]) -> Vec<String> {
+    let of_each: Vec<[Vec<String>; 2]> =
+        evaluations.iter().map(|evaluation| sentences(evaluation, evaluations.len() > 1)).collect();
+    let pairs = compare::pairs(evaluations);
+    let compared = pairs.into_iter().filter_map(|(base, other)| compare::sentence(base, other));
+    let broken = of_each.iter().flat_map(|[broken, _]| broken.iter().cloned());
+    broken.chain(compared).chain(of_each.iter().flat_map(|[_, done]| done.iter().cloned())).collect()
+}
+
+/// What breaks a driver, and what was done with it; of several evaluations the sentences name the driver.
+fn sentences(evaluation: &Evaluation, is_one_of_several: bool) -> [Vec<String>; 2] {
     let bad = match evaluation.bad_frames.len() {
         0 => String::new(),
         bad => format!(" ({} left out)", was(bad, "frame")),
@@ -156,8 +167,7 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
             number(evaluation.constant_error)
         )
     });
-    // What breaks it comes before what was done.
-    worthless.into_iter().chain(second).chain([first]).collect()
+    [worthless.into_iter().chain(second).collect(), vec![first]]
 }
 
 /// All that the page says about an evaluation.
@@ -357,13 +367,13 @@ mod tests {
             section.error.rows[row].cells[column].as_ref().unwrap().shade
         };
         assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
-        let sentences = verdict(&second, true);
+        let sentences = verdict(&[first, second]);
         assert!(
-            sentences[1].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
+            sentences[3].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
             "{sentences:?}"
         );
         assert!(
-            sentences[0].starts_with("With onnx (model=b.onnx), the worst perturbation is rain: at level 4"),
+            sentences[1].starts_with("With onnx (model=b.onnx), the worst perturbation is rain: at level 4"),
             "{sentences:?}"
         );
     }
@@ -371,7 +381,7 @@ mod tests {
     #[test]
     fn two_sentences_say_what_came_out() {
         assert_eq!(
-            verdict(&evaluation(), false),
+            verdict(&[evaluation()]),
             [
                 "The worst perturbation is rain: at level 4 the steering is off by 0.400, 4.0 times as much as without.",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
@@ -384,7 +394,7 @@ mod tests {
     fn a_driver_that_is_worse_than_a_constant_is_named_first() {
         let evaluation = Evaluation { frames: 40, constant_error: 0.05, ..evaluation() };
         assert_eq!(
-            verdict(&evaluation, false)[0],
+            verdict(std::slice::from_ref(&evaluation))[0],
             "The driver is worse than a constant on the frames as they are (0.100 against 0.050 on average), so what perturbations do to \
              it says nothing."
         );
@@ -411,7 +421,7 @@ mod tests {
         evaluation.original_error = f64::NAN;
         evaluation.cells.iter_mut().for_each(|cell| cell.error = f64::NAN);
         assert_eq!(
-            verdict(&evaluation, false),
+            verdict(std::slice::from_ref(&evaluation)),
             [
                 "The worst perturbation is rain: at level 4 the steering drifts by 0.200 (95 %: 0.100 to 0.400).",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); no steering was recorded to compare \

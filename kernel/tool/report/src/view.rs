@@ -213,6 +213,9 @@ pub struct EvaluationCell {
     pub error_interval: Option<(f64, f64)>,
     /// Where the drift may lie.
     pub drift_interval: Option<(f64, f64)>,
+    /// The error on each frame, by its number; the drift if no steering was recorded.
+    #[serde(skip)]
+    pub frames: Vec<(usize, f64)>,
 }
 
 /// The steering on one frame.
