@@ -17,9 +17,7 @@ pub fn layout() -> Value {
         panels.insert(id.clone(), config);
         Value::from(id)
     };
-    let camera = |topic: &str| {
-        json!({ "foxglovePanelTitle": topic, "imageMode": { "imageTopic": format!("/{topic}") } })
-    };
+    let camera = |topic: &str| json!({ "foxglovePanelTitle": topic, "imageMode": { "imageTopic": format!("/{topic}") } });
     let raw = panel("Image!raw".to_owned(), camera("raw"));
     let perturbed = panel("Image!perturbed".to_owned(), camera("perturbed"));
     let plots: Vec<Value> = PLOTS

@@ -62,7 +62,10 @@ mod tests {
         let generation = drive.generation;
         assert_eq!(drive.since(None).1.len(), 5);
         let (from, points) = drive.since(Some((generation, 3)));
-        assert_eq!((from, points.len(), points[0][0].as_f64(), points[0][4].as_f64()), (3, 2, Some(3.0), Some(0.5)));
+        assert_eq!(
+            (from, points.len(), points[0][0].as_f64(), points[0][4].as_f64()),
+            (3, 2, Some(3.0), Some(0.5))
+        );
         assert_eq!(drive.since(Some((generation, 5))), (5, Vec::new()));
         // Another scenario is another drive, whatever a browser has.
         drive.add(4, at(0.0), None);

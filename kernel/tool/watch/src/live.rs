@@ -103,7 +103,9 @@ impl Live {
             .slots
             .iter()
             .find(|(run, slot, announced)| {
-                *run == tapped.run && slot.slot == tapped.slot && Some(announced.number) == tapped.drive.scenario
+                *run == tapped.run
+                    && slot.slot == tapped.slot
+                    && Some(announced.number) == tapped.drive.scenario
             })
             .map(|(_, _, announced)| announced);
         let (from, points) = tapped.drive.since(has);

@@ -248,7 +248,10 @@ pub mod tests {
         }
         let more = recorded.rows(Some((generation, 2))).unwrap();
         assert_eq!((&more["generation"], &more["from"]), (&json!(generation), &json!(2)));
-        assert_eq!((more["rows"].as_array().unwrap().len(), &more["rows"][0]["name"]), (1, &json!("drive 3")));
+        assert_eq!(
+            (more["rows"].as_array().unwrap().len(), &more["rows"][0]["name"]),
+            (1, &json!("drive 3"))
+        );
         assert_eq!(more["clips"], json!([1]));
         // Lines in another order are sent anew.
         write(folder.path(), &[lines[2].clone(), lines[0].clone(), lines[1].clone()]);

@@ -146,7 +146,8 @@ fn frame(watched: &Watched, topic: &str, query: Query, has: Option<&str>) -> Res
     let found = live.look(query.slot).and_then(|()| match live.tag(perturbed) {
         Some(tag) if has == Some(&tag) => Ok(response(StatusCode::NOT_MODIFIED, "image/bmp", Vec::new())),
         Some(tag) => {
-            let mut response = response(StatusCode::OK, "image/bmp", live.frame(perturbed)?.unwrap_or_default());
+            let mut response =
+                response(StatusCode::OK, "image/bmp", live.frame(perturbed)?.unwrap_or_default());
             response.headers_mut().extend(HeaderValue::from_str(&tag).map(|tag| (ETAG, tag)));
             Ok(response)
         }
@@ -292,6 +293,8 @@ mod tests {
     fn tokens_are_random_and_compared_whole() {
         let (one, two) = (token().unwrap(), token().unwrap());
         assert!(one.len() == 32 && one != two);
-        assert!(is_same(&one, &one) && !is_same(&one, &two) && !is_same(&one[..31], &one) && !is_same("", &one));
+        assert!(
+            is_same(&one, &one) && !is_same(&one, &two) && !is_same(&one[..31], &one) && !is_same("", &one)
+        );
     }
 }
