@@ -13,7 +13,7 @@
 //! |---|---|
 //! | [`suite`] | what a suite says; [`requirement`] what it requires; `check` whether that makes sense |
 //! | [`loaded`] | suites by their names or files |
-//! | [`recording`] | blocks of recordings, which take the place of roads |
+//! | [`recording`] | recordings, whose blocks take the place of roads; [`opened`] the blocks that they are cut into |
 //! | [`step`] | its scenarios, in order |
 //! | [`judge`] | the decision, from what came of scenarios |
 //! | [`repeats`] | simulators that do not repeat themselves: verdicts that are stable, and how often drives disagree |
@@ -36,6 +36,7 @@ pub mod judge;
 pub mod kept;
 pub mod loaded;
 mod merkle;
+pub mod opened;
 pub mod probes;
 pub mod recording;
 pub mod repeats;

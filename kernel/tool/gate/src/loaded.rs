@@ -13,8 +13,7 @@ use pdk_sdk::file;
 use serde_json::Value;
 
 use crate::check::check;
-use crate::recording::{Open, Opened};
-use crate::step;
+use crate::opened::{Open, Opened};
 use crate::suite::{ENDING, Suite};
 
 /// Bytes of a file that may be a suite.
@@ -86,8 +85,7 @@ impl Loaded {
     /// If one cannot be opened.
     pub fn open(&mut self, catalog: &Catalog, open: &mut Open<'_>) -> Result<()> {
         if self.suite.is_recorded() {
-            let mut random = step::order(&self.hash).sequence();
-            self.opened = Opened::of(&self.suite, catalog, &mut random, open)?;
+            self.opened = Opened::of(&self.suite, &self.hash, catalog, open)?;
         }
         Ok(())
     }

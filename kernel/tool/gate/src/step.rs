@@ -14,7 +14,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Value, json};
 
 use crate::loaded::Loaded;
-use crate::recording::{Block, Stretch};
+use crate::opened::Block;
+use crate::recording::Stretch;
 use crate::requirement::Kind;
 use crate::suite::{Place, Roads, Suite};
 
@@ -192,11 +193,6 @@ fn perturbed(suite: &Suite, series: Series, random: &mut Random) -> Result<Drawn
 
 fn level_of(applied: Option<&AppliedPerturbation>) -> Option<f64> {
     applied.and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64())
-}
-
-/// The key of the order in which the blocks of recordings are looked at.
-pub fn order(hash: &str) -> Key {
-    key(hash, Series::Drawn, usize::MAX)
 }
 
 /// The stream of draws of a scenario.

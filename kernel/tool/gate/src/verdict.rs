@@ -18,7 +18,7 @@ use crate::came::{Came, Ending};
 use crate::judge::{Decision, Judge, Seen};
 use crate::loaded::Loaded;
 use crate::merkle;
-use crate::recording::RecordingRecord;
+use crate::opened::RecordingRecord;
 use crate::repeats::{self, Drove};
 use crate::requirement::Kind;
 use crate::role::Role;

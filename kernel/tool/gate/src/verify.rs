@@ -20,8 +20,9 @@ use serde_json::Value;
 
 use crate::driven::{self, driven_by};
 use crate::loaded::Loaded;
+use crate::opened::RecordingRecord;
 use crate::probes;
-use crate::recording::{RecordingRecord, Stretch};
+use crate::recording::Stretch;
 use crate::role::Role;
 use crate::step::step;
 use crate::verdict::{Entry, Verdict};

@@ -63,7 +63,7 @@ pub fn render(run: &Run) -> Result<String> {
         .map(|evaluation| offline::section(evaluation, &scale))
         .collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
-    verdict.extend(offline::verdict(&run.evaluations));
+    verdict.extend(offline::verdict::verdict(&run.evaluations));
     verdict.extend(run.tasks.iter().map(tasks::verdict));
     verdict.extend(run.searches.iter().flat_map(search::verdict));
     let comparisons = strategies::comparisons(&run.searches)?;

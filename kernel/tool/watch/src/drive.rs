@@ -1,9 +1,8 @@
-//! The course of the drive under way, as far as it was seen: what a browser draws as curves and on the map.
+//! The course of a drive, as far as it was seen: what a browser draws as curves and on the map.
 
 use pdk_sdk::prelude::{Control, State};
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use crate::live::numbers;
 use crate::query::{Has, known};
 
 /// Points of a drive that are kept; one of ten minutes at three points a second has fewer.
@@ -45,6 +44,19 @@ impl Drive {
     }
 }
 
+/// A moment as the page draws it: time, x, z, cross-track error, steering, speed, progress.
+pub fn numbers(state: &State, control: Option<Control>) -> Value {
+    let [x, _, z] = state.position;
+    let steering = control.map(|control| control.steering);
+    json!([state.time, x, z, state.cross_track_error, steering, state.speed, state.progress])
+}
+
+/// A centre line as points of x and z; nothing if it cannot be read.
+pub fn road(waypoints: &str) -> Value {
+    let points = pdk_road::parse(waypoints).unwrap_or_default();
+    points.into_iter().map(|[x, _, z]| json!([x, z])).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,5 +95,13 @@ mod tests {
         assert_eq!((from, points.len()), (0, MOST / 2 + 1));
         let times: Vec<f64> = points.iter().map(|point| point[0].as_f64().unwrap()).collect();
         assert!(times[0] == 0.0 && times[1] == 2.0 && times.last() == Some(&(MOST as f64)));
+    }
+
+    #[test]
+    fn points_and_roads_are_numbers() {
+        let state = State { time: 1.5, position: [1.0, 9.0, 2.0], progress: 0.25, ..State::default() };
+        assert_eq!(numbers(&state, None), json!([1.5, 1.0, 2.0, 0.0, null, 0.0, 0.25]));
+        assert_eq!(road("0,0,0@1,0,5"), json!([[0.0, 0.0], [1.0, 5.0]]));
+        assert_eq!(road("nonsense"), json!([]));
     }
 }

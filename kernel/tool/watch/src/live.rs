@@ -7,10 +7,10 @@ use image::{ImageFormat, RgbImage};
 use pdk_bus::{Message, SlotTopics, Tap, Topic};
 use pdk_loop::announced::Announced;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sdk::prelude::{Control, State};
+use pdk_sdk::prelude::Control;
 use serde_json::{Value, json};
 
-use crate::drive::Drive;
+use crate::drive::{Drive, road};
 use crate::query::Has;
 
 /// How long a topic is waited for: it is there if its loop lives.
@@ -145,19 +145,6 @@ impl Seen {
     }
 }
 
-/// A moment as the page draws it: time, x, z, cross-track error, steering, speed, progress.
-pub fn numbers(state: &State, control: Option<Control>) -> Value {
-    let [x, _, z] = state.position;
-    let steering = control.map(|control| control.steering);
-    json!([state.time, x, z, state.cross_track_error, steering, state.speed, state.progress])
-}
-
-/// A centre line as points of x and z; nothing if it cannot be read.
-pub fn road(waypoints: &str) -> Value {
-    let points = pdk_road::parse(waypoints).unwrap_or_default();
-    points.into_iter().map(|[x, _, z]| json!([x, z])).collect()
-}
-
 /// The record that a loop writes.
 fn record_of(announced: &Announced) -> Option<&Path> {
     announced.trace.parent().and_then(Path::parent)
@@ -258,13 +245,5 @@ mod tests {
         live.look(None).unwrap();
         assert!(!live.is_under_way() && live.tag(true).is_none() && live.frame(false).unwrap().is_none());
         assert_eq!(live.told(None), json!({ "slots": [] }));
-    }
-
-    #[test]
-    fn points_and_roads_are_numbers() {
-        let state = State { time: 1.5, position: [1.0, 9.0, 2.0], progress: 0.25, ..State::default() };
-        assert_eq!(numbers(&state, None), json!([1.5, 1.0, 2.0, 0.0, null, 0.0, 0.25]));
-        assert_eq!(road("0,0,0@1,0,5"), json!([[0.0, 0.0], [1.0, 5.0]]));
-        assert_eq!(road("nonsense"), json!([]));
     }
 }

@@ -14,7 +14,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
 use serde_json::{Value, json};
 
-use crate::live;
+use crate::drive;
 use crate::query::{Has, known};
 
 /// A run that has not noted its progress for this long is not under way.
@@ -139,9 +139,9 @@ impl Recorded {
                 Entry::Image(_) | Entry::Event(_) => {}
             }
         }
-        let points = samples(&steps).into_iter().map(|step| live::numbers(&step.state, Some(step.control)));
+        let points = samples(&steps).into_iter().map(|step| drive::numbers(&step.state, Some(step.control)));
         Ok(Some(json!({
-            "name": line.name, "road": live::road(&road), "points": points.collect::<Vec<_>>(), "images": images,
+            "name": line.name, "road": drive::road(&road), "points": points.collect::<Vec<_>>(), "images": images,
         })))
     }
 
