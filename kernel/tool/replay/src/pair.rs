@@ -162,7 +162,7 @@ impl Side<'_> {
         }
         let outcome = &self.taken.driven.outcome;
         // Half a millisecond allows for times that are sums of rounded frame times.
-        let left = outcome.time - time + 0.0005;
+        let left = outcome.time - time - 0.0005;
         if !outcome.success && left <= MARKED_SECONDS {
             layout.mark(picture, panel);
             layout.tell(picture, panel, &announced(outcome.cause.text(), left), FAILURE);

@@ -213,6 +213,7 @@ mod tests {
             max_error: 1.5,
             road_id: nasty(),
             seed: 0,
+            repeat: 0,
             measures: Some(Measures { over_line_seconds: 0.75, ..Measures::default() }),
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
             unreadable: nasty(),

@@ -7,7 +7,6 @@ use image::{ImageFormat, RgbImage};
 use pdk_bus::{Message, SlotTopics, Tap, Topic};
 use pdk_loop::announced::Announced;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sdk::prelude::Control;
 use serde_json::{Value, json};
 
 use crate::drive::{Drive, road};

@@ -37,12 +37,19 @@ type Key<'a> = (&'a str, Option<&'a str>, Option<u64>, u64);
 
 /// What is known of a drive; none if no scenario was repeated.
 pub fn luck(drive: &Drive) -> Option<Luck> {
-    let mut scenarios: BTreeMap<Key<'_>, Drives> = BTreeMap::new();
+    let mut repeats: BTreeMap<Key<'_>, BTreeMap<u64, bool>> = BTreeMap::new();
     for scenario in drive.scenarios.iter().filter(|scenario| scenario.verdict != Verdict::Void) {
         let level = scenario.level.map(f64::to_bits);
         let key = (scenario.road_id.as_str(), scenario.perturbation.as_deref(), level, scenario.seed);
-        scenarios.entry(key).or_default().add(scenario.verdict.failed());
+        repeats.entry(key).or_default().insert(scenario.repeat, scenario.verdict.failed());
     }
+    let scenarios: BTreeMap<Key<'_>, Drives> = repeats
+        .into_iter()
+        .map(|(key, drives)| {
+            let failed = drives.values().filter(|failed| **failed).count() as u64;
+            (key, Drives { failed, of: drives.len() as u64 })
+        })
+        .collect();
     let of = |wanted: &dyn Fn(&Key<'_>) -> bool| -> Vec<Drives> {
         scenarios.iter().filter(|(key, _)| wanted(key)).map(|(_, drives)| *drives).collect()
     };
@@ -115,6 +122,7 @@ mod tests {
                         level: perturbation.map(|_| 2.0),
                         road_id: road.to_string(),
                         seed: 7,
+                        repeat: u64::from(number),
                         verdict,
                         ..Scenario::default()
                     });
