@@ -120,12 +120,18 @@ impl Domain {
         Ok(domain)
     }
 
-    /// What a scenario stands for.
-    pub fn of_scenario(&self, scenario: &Scenario) -> Meaning {
+    /// What the perturbations of a scenario stand for.
+    pub fn of_perturbations(&self, scenario: &Scenario) -> Meaning {
         let mut meaning = Meaning::default();
         for perturbation in &scenario.perturbations {
             self.add_perturbation(&perturbation.name, &mut meaning);
         }
+        meaning
+    }
+
+    /// What the simulator of a scenario shows.
+    pub fn of_simulator(&self, scenario: &Scenario) -> Meaning {
+        let mut meaning = Meaning::default();
         for condition in self.conditions.iter().filter(|condition| condition.holds(&scenario.simulator)) {
             meaning.add(&condition.attributes, &condition.triggers, &condition.text());
         }
@@ -230,13 +236,16 @@ pub mod tests {
     #[test]
     fn a_scenario_stands_for_what_it_shows() {
         let domain = Domain::parse(SMALL).unwrap();
-        let both = domain.of_scenario(&scenario("night", Some(0.0), "mist@2"));
-        assert_eq!(both.attributes.keys().collect::<Vec<_>>(), ["fog", "night"]);
-        assert_eq!(both.attributes["night"].iter().collect::<Vec<_>>(), ["flat: light night"]);
-        assert_eq!(both.triggers["contrast"].iter().collect::<Vec<_>>(), ["mist"]);
-        let by_default = domain.of_scenario(&scenario("day", None, "own@1"));
-        assert_eq!(by_default.triggers["contrast"].iter().collect::<Vec<_>>(), ["flat: haze above 0"]);
-        assert!(by_default.attributes.is_empty() && by_default.unlisted.contains("own"));
+        let night = scenario("night", Some(0.0), "mist@2");
+        let (seen, shown) = (domain.of_perturbations(&night), domain.of_simulator(&night));
+        assert_eq!(seen.attributes.keys().collect::<Vec<_>>(), ["fog"]);
+        assert_eq!(seen.triggers["contrast"].iter().collect::<Vec<_>>(), ["mist"]);
+        assert_eq!(shown.attributes["night"].iter().collect::<Vec<_>>(), ["flat: light night"]);
+        assert!(shown.triggers.is_empty());
+        let day = scenario("day", None, "own@1");
+        let shown = domain.of_simulator(&day);
+        assert_eq!(shown.triggers["contrast"].iter().collect::<Vec<_>>(), ["flat: haze above 0"]);
+        assert!(shown.attributes.is_empty() && domain.of_perturbations(&day).unlisted.contains("own"));
     }
 
     #[test]

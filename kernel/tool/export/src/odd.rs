@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use pdk_model::component::{ComponentSpec, ENGINE};
 use pdk_model::outcome::Verdict;
 use pdk_record::ledger::Line;
 use pdk_report::Evaluation;
@@ -62,6 +63,8 @@ pub enum State {
     Failed,
     /// No driver failed.
     Passed,
+    /// A simulator showed it, but always under a perturbation, which may be what made a driver fail.
+    Perturbed,
     /// It was seen on recordings alone, where nothing can fail.
     Recorded,
     /// Nothing was driven.
@@ -73,6 +76,7 @@ impl State {
         match self {
             Self::Failed => "failed",
             Self::Passed => "driven",
+            Self::Perturbed => "under perturbations only",
             Self::Recorded => "recordings only",
             Self::Open => "open",
         }
@@ -130,6 +134,8 @@ struct Counts {
     by: BTreeSet<String>,
     drivers: BTreeMap<String, Count>,
     recordings: BTreeMap<String, OfRecording>,
+    /// Whether a simulator showed it under a perturbation.
+    perturbed: bool,
 }
 
 /// Looks at a record.
@@ -137,17 +143,31 @@ pub fn odd(domain: &Domain, record: &str, lines: &[Line], evaluations: &[Evaluat
     let (mut attributes, mut triggers) = (BTreeMap::new(), BTreeMap::new());
     let mut unlisted = BTreeSet::new();
     let mut drivers = BTreeSet::new();
+    // Who ran the networks tells drivers apart only if several did.
+    let engines: BTreeSet<_> = lines
+        .iter()
+        .map(|line| line.scenario.driver.parameters.get(ENGINE).map(ToString::to_string))
+        .collect();
+    let one_engine = engines.iter().flatten().count() <= 1;
     for line in lines {
-        let meaning = domain.of_scenario(&line.scenario);
+        let meaning = domain.of_perturbations(&line.scenario);
         unlisted.extend(meaning.unlisted.iter().cloned());
         let verdict = line.outcome.cause.verdict();
         if verdict == Verdict::Void {
             continue;
         }
-        let driver = line.scenario.driver.to_string();
+        let driver = named(&line.scenario.driver, one_engine);
         drivers.insert(driver.clone());
         count(&mut attributes, &meaning.attributes, line, &driver, verdict.failed());
         count(&mut triggers, &meaning.triggers, line, &driver, verdict.failed());
+        // Under a perturbation, what the simulator shows need not be what made the driver fail.
+        let shown = domain.of_simulator(&line.scenario);
+        for (counts, ids) in [(&mut attributes, &shown.attributes), (&mut triggers, &shown.triggers)] {
+            match line.scenario.perturbations.is_empty() {
+                true => count(counts, ids, line, &driver, verdict.failed()),
+                false => shown_only(counts, ids),
+            }
+        }
     }
     for evaluation in evaluations {
         let driver = if evaluation.driver.is_empty() { "a driver" } else { &evaluation.driver };
@@ -177,6 +197,24 @@ pub fn odd(domain: &Domain, record: &str, lines: &[Line], evaluations: &[Evaluat
         attributes: rows(&domain.attributes, attributes),
         triggers: rows(&domain.triggers, triggers),
         unlisted,
+    }
+}
+
+/// A driver as tables have it.
+fn named(driver: &ComponentSpec, one_engine: bool) -> String {
+    let mut driver = driver.clone();
+    if one_engine {
+        driver.parameters.shift_remove(ENGINE);
+    }
+    driver.to_string()
+}
+
+/// Notes what a simulator showed under a perturbation.
+fn shown_only(all: &mut BTreeMap<String, Counts>, ids: &BTreeMap<String, BTreeSet<String>>) {
+    for (id, by) in ids {
+        let counts = all.entry(id.clone()).or_default();
+        counts.by.extend(by.iter().cloned());
+        counts.perturbed = true;
     }
 }
 
@@ -218,12 +256,13 @@ impl Counts {
 
 fn rows(items: &[Item], mut counted: BTreeMap<String, Counts>) -> Vec<Row> {
     let row = |item: &Item| {
-        let Counts { by, drivers, recordings } = counted.remove(&item.id).unwrap_or_default();
+        let Counts { by, drivers, recordings, perturbed } = counted.remove(&item.id).unwrap_or_default();
         let drivers: Vec<OfDriver> =
             drivers.into_iter().filter_map(|(driver, count)| of_driver(driver, count)).collect();
         let state = match (drivers.is_empty(), recordings.is_empty()) {
             (false, _) if drivers.iter().any(|driver| driver.failed > 0) => State::Failed,
             (false, _) => State::Passed,
+            (true, _) if perturbed => State::Perturbed,
             (true, false) => State::Recorded,
             (true, true) => State::Open,
         };
@@ -253,15 +292,7 @@ struct ShownRow {
     state: &'static str,
     class: State,
     by: String,
-    lines: Vec<ShownDriver>,
-}
-
-#[derive(Serialize)]
-struct ShownDriver {
-    driver: String,
-    driven: String,
-    failed: String,
-    levels: String,
+    lines: Vec<String>,
 }
 
 /// The page.
@@ -279,11 +310,19 @@ pub fn html(odd: &Odd) -> Result<String> {
     let counted = |rows: &[Row], what: &str| {
         let of = |state: State| rows.iter().filter(|row| row.state == state).count();
         let driven = of(State::Failed) + of(State::Passed);
+        let more = [
+            (State::Perturbed, "shown under perturbations only"),
+            (State::Recorded, "seen on recordings only"),
+        ];
+        let more: String = more
+            .iter()
+            .filter(|(state, _)| of(*state) > 0)
+            .map(|(state, words)| format!("{} {words}, ", of(*state)))
+            .collect();
         format!(
-            "Of {} {what}, {driven} were driven, and {} of these failed at least once; {} were seen on recordings alone, and {} are open.",
+            "Of {} {what}, {driven} were driven, with failures in {}; {more}{} open.",
             rows.len(),
             of(State::Failed),
-            of(State::Recorded),
             of(State::Open)
         )
     };
@@ -307,31 +346,34 @@ pub fn html(odd: &Odd) -> Result<String> {
 
 fn shown(rows: &[Row]) -> Vec<ShownRow> {
     let percent = |share: f64| format!("{:.0}", 100.0 * share);
+    let count = |number: usize, noun: &str| format!("{number} {noun}{}", if number == 1 { "" } else { "s" });
     let levels = |from: Option<f64>, to: Option<f64>| match (from, to) {
         (_, None) => String::new(),
-        (None, Some(to)) => format!("driven to level {to}"),
-        (Some(from), Some(to)) => format!("from level {from}, driven to {to}"),
+        (None, Some(to)) => format!("; driven to level {to}"),
+        (Some(from), Some(to)) => format!("; failed from level {from} on, driven to {to}"),
     };
-    let of_driver = |of: &OfDriver| ShownDriver {
-        driver: of.driver.clone(),
-        driven: format!("{} scenarios on {} roads", of.scenarios, of.roads),
-        failed: format!(
-            "{} ({} %; {} to {} %)",
+    let of_driver = |of: &OfDriver| {
+        format!(
+            "{}: {} of {} on {} failed ({} %, 95 %: {} to {} %){}",
+            of.driver,
             of.failed,
+            count(of.scenarios as usize, "scenario"),
+            count(of.roads, "road"),
             percent(of.share.value),
             percent(of.share.low),
-            percent(of.share.high)
-        ),
-        levels: levels(of.failed_from, of.driven_to),
+            percent(of.share.high),
+            levels(of.failed_from, of.driven_to)
+        )
     };
-    let of_recording = |of: &OfRecording| ShownDriver {
-        driver: of.driver.clone(),
-        driven: format!("{} recorded frames", of.frames),
-        failed: of
-            .steering_error
-            .map(|error| format!("steering off by up to {error:.3}"))
-            .unwrap_or_default(),
-        levels: levels(None, Some(of.driven_to)),
+    let of_recording = |of: &OfRecording| {
+        let error = of.steering_error.map(|error| format!(", steering off by up to {error:.3} on average"));
+        let error = error.unwrap_or_default();
+        format!(
+            "{}: {}{error}{}",
+            of.driver,
+            count(of.frames, "recorded frame"),
+            levels(None, Some(of.driven_to))
+        )
     };
     let row = |row: &Row| ShownRow {
         group: row.item.group.clone(),
@@ -370,22 +412,22 @@ mod tests {
             line(1, mist(3.0), "lane_departure"),
             line(2, mist(2.0), "lane_departure"),
             line(2, json!([{"name": "own", "level": 1}]), "finished"),
+            line(4, json!([]), "finished"),
             line(3, mist(0.0), "error"),
         ];
         let found = odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines, &[]);
         let [fog, night, works] = &found.attributes[..] else { panic!("{found:?}") };
-        assert_eq!((fog.state, night.state, works.state), (State::Failed, State::Failed, State::Open));
+        assert_eq!((fog.state, night.state, works.state), (State::Failed, State::Passed, State::Open));
         let of = &fog.drivers[0];
         assert_eq!((of.scenarios, of.failed, of.roads), (3, 2, 2));
         assert_eq!((of.failed_from, of.driven_to), (Some(2.0), Some(3.0)));
-        // A light has no level.
-        assert_eq!((night.drivers[0].scenarios, night.drivers[0].driven_to), (4, None));
+        // A light has no level, and what fails in the mist says nothing of it.
+        assert_eq!((night.drivers[0].scenarios, night.drivers[0].driven_to), (1, None));
+        let without = odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines[..3], &[]);
+        assert!(without.attributes[1].state == State::Perturbed && without.attributes[1].drivers.is_empty());
         assert_eq!(found.unlisted.iter().collect::<Vec<_>>(), ["own"]);
         let page = html(&found).unwrap();
-        assert!(
-            page.contains("Of 3 attributes, 2 were driven, and 2 of these failed at least once"),
-            "{page}"
-        );
+        assert!(page.contains("Of 3 attributes, 2 were driven, with failures in 1; 1 open."), "{page}");
         assert!(page.contains("fog &amp; mist") && page.contains("&lt;x&gt;") && !page.contains("<x>"));
         assert!(page.contains("It claims no conformity"), "{page}");
     }

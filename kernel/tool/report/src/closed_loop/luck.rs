@@ -9,7 +9,7 @@ use pdk_statistics::{CONFIDENCE, Estimate};
 use serde::Serialize;
 
 use crate::tally::by_severity;
-use crate::text::percent;
+use crate::text::{count, percent};
 use crate::view::{Drive, Verdict};
 
 /// What is known of drives that were repeated.
@@ -60,14 +60,17 @@ pub fn luck(drive: &Drive) -> Option<Luck> {
         .iter()
         .filter_map(|(words, perturbed)| {
             let found = flips(&of(&|key| key.1.is_some() == *perturbed), CONFIDENCE)?;
-            Some(format!("{words} {}", told(&found)))
+            Some(format!("{words} in {}", told(&found)))
         })
         .collect();
     let parts = if parts.len() > 1 { format!(": {}", parts.join(", ")) } else { String::new() };
     let sentence = format!(
-        "A second drive of the same scenario with {} comes out otherwise in {} of {repeated} scenarios (95 %){parts}.",
+        "Of {} that {} drove again, a second drive came out otherwise in {} (95 %: {} to {} %){parts}.",
+        count(repeated, "scenario"),
         drive.driver,
-        told(&all)
+        percent(all.value),
+        whole(all.low),
+        whole(all.high)
     );
     let order = by_severity([drive.scenarios.as_slice()]);
     let row = |(name, _): &(String, _)| {
@@ -85,7 +88,12 @@ pub fn luck(drive: &Drive) -> Option<Luck> {
 }
 
 fn told(found: &Estimate) -> String {
-    format!("{} ({} to {})", percent(found.value), percent(found.low), percent(found.high))
+    format!("{} ({} to {} %)", percent(found.value), whole(found.low), whole(found.high))
+}
+
+/// A share in percent without its sign.
+fn whole(share: f64) -> String {
+    format!("{:.0}", 100.0 * share)
 }
 
 /// A perturbation beside a clear view on the same roads.
@@ -142,17 +150,13 @@ mod tests {
         }))
         .unwrap();
         assert!(
-            found
-                .sentence
-                .starts_with("A second drive of the same scenario with x comes out otherwise in 33 % ("),
+            found.sentence.starts_with(
+                "Of 36 scenarios that x drove again, a second drive came out otherwise in 33 % ("
+            ),
             "{}",
             found.sentence
         );
-        assert!(
-            found.sentence.contains(" of 36 scenarios (95 %): with a clear view 50 % ("),
-            "{}",
-            found.sentence
-        );
+        assert!(found.sentence.contains("%): with a clear view in 50 % ("), "{}", found.sentence);
         let rows: Vec<(&str, &str)> =
             found.rows.iter().map(|row| (row.perturbation.as_str(), row.beyond.as_str())).collect();
         // Half of the roads: (1 - 1/2)^2 less what two drives estimate of 1/2, and the other half: 1.

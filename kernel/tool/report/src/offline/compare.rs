@@ -66,10 +66,16 @@ impl Figures {
 
     fn interval(&self) -> String {
         match self.is_known() {
-            true => format!("{:+.3} to {:+.3}", self.difference.low, self.difference.high),
+            true => format!("{} to {}", signed(self.difference.low), signed(self.difference.high)),
             false => String::new(),
         }
     }
+}
+
+/// A difference with its sign; one that is shown as zero has none.
+fn signed(value: f64) -> String {
+    let text = format!("{value:+.3}");
+    if text.trim_start_matches(['+', '-']) == "0.000" { "0.000".to_owned() } else { text }
 }
 
 /// The evaluations that are compared: each with the first on the same recording, if that is one of another driver.
@@ -124,7 +130,7 @@ pub fn comparison(base: &Evaluation, other: &Evaluation) -> Option<Comparison> {
         perturbation: perturbation.to_owned(),
         base: number(figures.base),
         other: number(figures.other),
-        difference: format!("{:+.3}", figures.difference.value),
+        difference: signed(figures.difference.value),
         interval: figures.interval(),
         worse: percent(figures.worse),
         figures,
@@ -194,7 +200,7 @@ fn grid(base: &Evaluation, other: &Evaluation, names: &[String]) -> Grid {
             );
             let hue = if value > 0.0 { Hue::Failed } else { Hue::Better };
             let share = if largest > 0.0 { value.abs() / largest } else { 0.0 };
-            let cell = Cell::new(format!("{value:+.3}"), title, hue, share).of(Some(value));
+            let cell = Cell::new(signed(value), title, hue, share).of(Some(value));
             Entry { row: Some((*name).clone()), level: Some(columns.column(*level)), cell }
         })
         .collect();
@@ -221,7 +227,8 @@ pub fn sentence(base: &Evaluation, other: &Evaluation) -> Option<String> {
             "{frames} are too few to say whether {ours} steers better than {theirs}: {told}."
         ));
     }
-    let sure = format!("difference {:+.3}, 95 %: {}, {frames}", figures.difference.value, figures.interval());
+    let sure =
+        format!("difference {}, 95 %: {}, {frames}", signed(figures.difference.value), figures.interval());
     Some(match (figures.difference.low > 0.0, figures.difference.high < 0.0) {
         (true, _) => format!("{ours} steers worse than {theirs}: {told} ({sure})."),
         (_, true) => format!("{ours} steers better than {theirs}: {told} ({sure})."),
@@ -265,7 +272,7 @@ mod tests {
             .iter()
             .map(|row| (row.perturbation.as_str(), row.difference.as_str(), row.worse.as_str()))
             .collect();
-        assert_eq!(rows, [("all", "+0.200", "100 %"), ("fog", "+0.300", "100 %"), ("rain", "+0.000", "0 %")]);
+        assert_eq!(rows, [("all", "+0.200", "100 %"), ("fog", "+0.300", "100 %"), ("rain", "0.000", "0 %")]);
         let texts: Vec<&str> = found
             .grid
             .rows
@@ -274,7 +281,7 @@ mod tests {
             .flatten()
             .map(|cell| cell.text.as_str())
             .collect();
-        assert_eq!(texts, ["+0.300", "+0.300", "+0.000"]);
+        assert_eq!(texts, ["+0.300", "+0.300", "0.000"]);
         let worse = sentence(&a, &b).unwrap();
         assert!(
             worse.starts_with("b steers worse than a: under perturbations the mean steering error of b is"),
