@@ -46,7 +46,7 @@ pub fn perturb_into<P: Component + Perturbation>(
     P::new(&config).unwrap().apply(src, dst, &context).unwrap();
 }
 
-/// The folder with the large set of reference outputs, where there is one.
+/// The folder with the large set of reference outputs, if there is one.
 fn folder() -> Option<PathBuf> {
     let data = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)
@@ -72,7 +72,7 @@ fn index(folder: &std::path::Path) -> Value {
     from_str(&std::fs::read_to_string(folder.join("index.json")).unwrap()).unwrap()
 }
 
-/// Checks a deterministic perturbation against the small set, and against the large one where there is one: on all images and
+/// Checks a deterministic perturbation against the small set, and against the large one if there is one: on all images and
 /// levels 99.9 % of the values within one grey level of the reference, and the mean absolute difference below `mean_limit`.
 pub fn matches_outputs<P: Component + Perturbation>(mean_limit: f64) {
     matches_small_set::<P>(mean_limit);

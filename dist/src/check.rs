@@ -19,7 +19,7 @@ use crate::tree::{EXECUTABLE, LIBRARIES};
 /// Checks the tree, and reports on it.
 ///
 /// # Errors
-/// If pdk does not find a part of itself, or what is to be shipped is slower or needs a newer system than it should.
+/// If pdk does not find a part of itself, or the packages are slower or need a newer system than they should.
 pub fn run(project: &Project, tree: &Path, profile: Profile) -> Result<String> {
     let files = files(project, tree);
     let mut report = String::new();
@@ -34,9 +34,7 @@ pub fn run(project: &Project, tree: &Path, profile: Profile) -> Result<String> {
     }
     let _ = write!(report, "needs glibc {glibc}");
     if profile == Profile::Dist && glibc > Version::parse(GLIBC).unwrap_or_default() {
-        return Err(Error::new(format!(
-            "what is to be shipped needs glibc {glibc}, but has to do with {GLIBC}"
-        )));
+        return Err(Error::new(format!("the packages need glibc {glibc}, but have to run with {GLIBC}")));
     }
     if project.runs_here() {
         doctor(&tree.join(EXECUTABLE), profile)?;
@@ -65,7 +63,10 @@ fn doctor(executable: &Path, profile: Profile) -> Result<()> {
     };
     for subject in ["libraries", "components", "sdk"] {
         if state(subject) != "ok" {
-            return Err(Error::new(format!("{} doctor finds its {subject} wanting", executable.display())));
+            return Err(Error::new(format!(
+                "{} doctor reports a problem with its {subject}",
+                executable.display()
+            )));
         }
     }
     if profile == Profile::Dist && state("video") != "ok" {

@@ -11,7 +11,7 @@ use crate::project::{EXECUTABLE, Project, install, succeed};
 /// The version of cargo-deb.
 const VERSION: &str = "3.8.0";
 
-/// Makes the package, and returns it. Installs cargo-deb below `target/pdk-dist` where it is not there yet.
+/// Makes the package, and returns it. Installs cargo-deb below `target/pdk-dist` if it is not there yet.
 ///
 /// # Errors
 /// If cargo-deb cannot be installed or fails.

@@ -59,7 +59,7 @@ pub fn page(project: &Project, profile: Profile) -> Result<String> {
 pub fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
     let metadata = project.metadata();
     let resolve =
-        metadata.resolve.as_ref().ok_or_else(|| Error::new("cargo does not tell the dependencies"))?;
+        metadata.resolve.as_ref().ok_or_else(|| Error::new("cargo does not list the dependencies"))?;
     let nodes: BTreeMap<&PackageId, _> = resolve.nodes.iter().map(|node| (&node.id, node)).collect();
     let mut found = BTreeSet::new();
     let mut next: Vec<&PackageId> = project.plugins().iter().map(|package| &package.id).collect();

@@ -64,6 +64,29 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "why",
+        &[
+            ("pdk why runs/study-1 --scenario 12", "which frames and which part of them made the drive fail"),
+            (
+                "pdk why runs/study-1 --scenario 12 --clips -o why-12",
+                "and videos of the drives that prove it",
+            ),
+        ],
+    ),
+    (
+        "gradient",
+        &[
+            (
+                "pdk gradient pilot.onnx -o gradient.onnx --of steering",
+                "the gradient of the steering with respect to the image",
+            ),
+            (
+                "pdk gradient pilot.onnx -o loss.onnx --of 'squared_error(steering)' --by weights",
+                "the gradient of a loss with respect to all weights, as training needs it",
+            ),
+        ],
+    ),
+    (
         "corrupt",
         &[
             (
@@ -138,7 +161,7 @@ pub const EXAMPLES: &[Examples] = &[
     (
         "doctor",
         &[
-            ("pdk doctor", "whether all is there"),
+            ("pdk doctor", "whether everything that pdk needs is there"),
             ("pdk doctor --simulator carla", "whether a simulator can be reached"),
         ],
     ),

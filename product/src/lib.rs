@@ -25,6 +25,7 @@ const PLUGINS: &[&str] = &[
     "carla",
     "color",
     "datasets",
+    "device",
     "distortion",
     "donkey",
     "imagenet_c",

@@ -41,7 +41,7 @@ class Context(NamedTuple):
     frame_index: int
     #: Simulation time in seconds since the start of the scenario.
     time: float
-    #: The vehicle's speed in metres a second; not a number where it is not known.
+    #: The vehicle's speed in metres a second; not a number if it is not known.
     speed: float
 
 
@@ -149,7 +149,7 @@ class _Link(Room):
         self._views = {}
 
     def step(self, wait):
-        """Answers a frame where there is one, after waiting for it so long; whether there was one."""
+        """Answers a frame if there is one, after waiting for it so long; whether there was one."""
         sample = self._frames.receive()
         if sample is None:
             self._sent.timed_wait(wait)

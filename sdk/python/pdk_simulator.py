@@ -76,7 +76,7 @@ class State:
     cross_track_error: float | None = None
     #: The share of the road that has been driven, 0 to 1.
     progress: float | None = None
-    #: Simulation time in seconds; where it is left out, a frame further with each control.
+    #: Simulation time in seconds; if it is left out, a frame further with each control.
     time: float | None = None
     #: Free distance to the vehicle ahead in metres; none on a free road.
     vehicle_ahead: float | None = None
@@ -121,7 +121,7 @@ class _Link(Room):
         self._last = (0, None)
 
     def step(self, wait):
-        """Answers a request where there is one, after waiting for it so long; whether there was one."""
+        """Answers a request if there is one, after waiting for it so long; whether there was one."""
         sample = self._requests.receive()
         if sample is None:
             self._asked.timed_wait(wait)

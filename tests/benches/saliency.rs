@@ -4,7 +4,7 @@
 //! cargo build --release && cargo bench -p pdk-tests --bench saliency [-- --model FILE.onnx]
 //! ```
 //!
-//! ONNX Runtime is measured where it is installed, `dave2` always, and the network that `--model` names. Each number is the median
+//! ONNX Runtime is measured if it is installed, `dave2` always, and the network that `--model` names. Each number is the median
 //! over maps of the same frame; a method runs the network as often as its defaults say.
 
 // A benchmark may fail like a test.

@@ -338,7 +338,7 @@ def from_python():
 
 
 def median_ms(work, frame):
-    """The median processor time of the thread for a call, in milliseconds; that of the first where it takes long."""
+    """The median processor time of the thread for a call, in milliseconds; that of the first if it takes long."""
 
     def seconds():
         given = frame.copy()
@@ -578,7 +578,7 @@ def with_loop(text, table):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     listed = lambda text: text.split(",")  # noqa: E731
-    parser.add_argument("--only", type=listed, default=[], help="perturbations; all where it is left out")
+    parser.add_argument("--only", type=listed, default=[], help="perturbations; all if it is left out")
     parser.add_argument("--levels", type=lambda text: [int(level) for level in text.split(",")], default=list(LEVELS))
     parser.add_argument("--sizes", type=listed, default=["320x240", "1280x720"])
     parser.add_argument("--published", help="a checkout of the published tool's repository")

@@ -50,7 +50,7 @@ def picture(height, width):
 
 
 def median_ms(work):
-    """Milliseconds of processor time a call; of the first one where that takes long."""
+    """Milliseconds of processor time a call; of the first one if that takes long."""
     before = time.thread_time_ns()
     work()
     first = time.thread_time_ns() - before

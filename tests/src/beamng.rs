@@ -209,7 +209,7 @@ impl BeamNgGame {
     /// How long it took itself for the latest frame, from the control to the picture.
     pub fn own_time(&self) -> Duration {
         loop {
-            // Whoever has the picture may be faster than it says what that took.
+            // The client may have the picture before the server has recorded how long it took.
             let world = self.server.world();
             if !world.busy {
                 return world.own;

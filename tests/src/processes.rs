@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 
+use crate::process::LIMIT;
+
 /// Where the system keeps what processes share.
 const SHARED_MEMORY: &str = "/dev/shm";
 
@@ -154,6 +156,30 @@ fn pid(id: u32) -> Pid {
 /// If it has been waited for.
 pub fn signal(child: &Child, signal: Signal) {
     kill_process(pid(child.id()), signal).unwrap();
+}
+
+/// Sends a child a signal and waits until it has taken it: two of a kind that wait for it are one.
+///
+/// # Panics
+/// If it does not take it, or has been waited for.
+pub fn signal_taken(child: &Child, sent: Signal) {
+    signal(child, sent);
+    let pending = || signals(child, "ShdPnd").is_some_and(|set| set.contains(&sent));
+    assert!(comes_true(LIMIT, || !pending()), "it does not take the signal");
+}
+
+/// Whether a child has something that takes a signal.
+pub fn takes(child: &Child, wanted: Signal) -> bool {
+    signals(child, "SigCgt").is_some_and(|set| set.contains(&wanted))
+}
+
+/// A set of signals in the state of a process, such as those that wait; none if it is gone.
+fn signals(child: &Child, name: &str) -> Option<Vec<Signal>> {
+    let status = fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    let set = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(":"))?;
+    let set = u64::from_str_radix(set.trim(), 16).ok()?;
+    let all = [Signal::INT, Signal::TERM];
+    Some(all.into_iter().filter(|signal| set & 1 << (signal.as_raw() - 1) != 0).collect())
 }
 
 /// Waits for a child's end; none if it has not ended by then.

@@ -82,7 +82,7 @@ impl Tried {
         self.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect()
     }
 
-    /// The error of the first outcome, which is empty if there was none; where nothing was kept, what was said.
+    /// The error of the first outcome, which is empty if there was none; if nothing was kept, what was said.
     pub fn error(&self) -> &str {
         match self.lines.first() {
             Some(line) => line["error"].as_str().unwrap_or_default(),

@@ -8,8 +8,8 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
 
 use crate::moment::Moment;
-use crate::motion::{self, Motion};
 use pdk_components::registry::Registry;
+use pdk_ops::motion::{self, Motion};
 use pdk_supervise::calls::{self, Function};
 
 /// Says for which frames a map is made, from the raw frames alone.

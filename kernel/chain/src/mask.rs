@@ -1,4 +1,4 @@
-//! How much of each pixel a perturbation changes, where it is limited to a region.
+//! How much of each pixel a perturbation changes, if it is limited to a region.
 
 use image::imageops::{FilterType, resize};
 use image::{GrayImage, Luma};
@@ -15,6 +15,7 @@ pub struct Mask {
     weights: Vec<u8>,
     width: usize,
     height: usize,
+    inverted: bool,
 }
 
 impl Mask {
@@ -27,7 +28,12 @@ impl Mask {
             Region::Mask(path) => Some(read_weights(path)?),
             _ => None,
         };
-        Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0 })
+        Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0, inverted: false })
+    }
+
+    /// The same, or everything outside of it.
+    pub fn inverted(self, inverted: bool) -> Self {
+        Self { inverted, ..self }
     }
 
     /// How much of each pixel of a frame of this size is changed, 0 to 255, row by row.
@@ -59,7 +65,7 @@ impl Mask {
                     Region::Polygon(corners) => inside(corners, u, v),
                     Region::Mask(_) => false,
                 };
-                self.weights.push(u8::from(within) * 255);
+                self.weights.push(u8::from(within != self.inverted) * 255);
             }
         }
     }

@@ -7,10 +7,12 @@ pub struct Moment<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// The vehicle's speed in metres per second, where it is known.
+    /// The vehicle's speed in metres per second, if it is known.
     pub speed: Option<f64>,
-    /// How far the vehicle has driven since the start of the sequence, in metres, where it is known.
+    /// How far the vehicle has driven since the start of the sequence, in metres, if it is known.
     pub travelled: Option<f64>,
+    /// How long a frame lasts at the camera's rate, in seconds, where it is known.
+    pub period: Option<f64>,
     /// Whether the frame counts for itself, as those of datasets do, which are looked at in any order: then nothing of other
     /// frames has an influence on what becomes of it.
     pub alone: bool,
@@ -32,7 +34,8 @@ pub struct Labels<'a> {
 impl<'a> Moment<'a> {
     /// The moment of a frame of which nothing else is known.
     pub fn new(frame_index: u64, time: f64) -> Self {
-        Self { frame_index, time, speed: None, travelled: None, alone: false, labels: None, depth: None }
+        let (speed, travelled, period, labels, depth) = (None, None, None, None, None);
+        Self { frame_index, time, speed, travelled, period, alone: false, labels, depth }
     }
 
     /// The moment of a frame that counts for itself.
@@ -48,6 +51,11 @@ impl<'a> Moment<'a> {
     /// The same moment this many metres from the start.
     pub fn after(self, metres: f64) -> Self {
         Self { travelled: Some(metres), ..self }
+    }
+
+    /// The same moment of a camera with this rate.
+    pub fn at_rate(self, rate: f64) -> Self {
+        Self { period: Some(1.0 / rate), ..self }
     }
 
     /// The same moment with what the pixels show.

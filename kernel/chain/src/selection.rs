@@ -4,10 +4,10 @@ use pdk_model::selection::{Choice, Selection};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
-use crate::edges::Edges;
 use crate::maps::{Maps, Turns, context};
 use crate::moment::{Labels, Moment};
 use pdk_components::registry::Registry;
+use pdk_ops::edges::{Edges, Treatment};
 use pdk_supervise::calls::{self, Function};
 
 /// What the choice goes by.
@@ -122,7 +122,9 @@ impl Selector {
                     weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
                 }
             }
-            edges.treat(weights, (width, height), selection);
+            let &mut Selection { close, smallest, soft, .. } = selection;
+            let [close, smallest, soft] = [close, smallest, soft].map(|pixels| pixels as usize);
+            edges.treat(weights, (width, height), Treatment { close, smallest, soft });
         }
         Ok(&self.weights)
     }
@@ -151,7 +153,7 @@ fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize, weights: &mut V
     let (Choice::Between(least, most), Some(depth)) = (choice, depth.filter(|depth| depth.len() == pixels))
     else {
         return Err(Error::new(
-            "`nearer` and `farther` need a simulator that tells how far away pixels are, and these frames come without; use a mask instead",
+            "`nearer` and `farther` need a simulator that reports how far away pixels are, and these frames come without; use a mask instead",
         ));
     };
     let range = least as f32..=most as f32;
@@ -170,7 +172,7 @@ fn labelled(
     let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
     else {
         return wrong(
-            "`label` needs a simulator that says what its pixels show, and these frames come without; use a mask instead".to_owned(),
+            "`label` needs a simulator that labels its pixels, and these frames come without; use a mask instead".to_owned(),
         );
     };
     let mut wanted = [0; 256];

@@ -57,7 +57,7 @@ pub fn named(catalog: &Catalog, text: &str) -> Result<ComponentSpec> {
     }
 }
 
-/// A method for the network of a driver: the method with the driver's own parameters where it has the same, and with its network.
+/// A method for the network of a driver: the method with the driver's own parameters if it has the same, and with its network.
 ///
 /// # Errors
 /// If there is no such method or driver, or the driver has no network.

@@ -7,11 +7,13 @@ use pdk_model::component::ComponentSpec;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, ErrorKind, Result};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
 use crate::hash;
-use crate::suggest;
+use crate::reading;
+use pdk_sdk::suggest;
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
 pub const BUILT_IN: &str = "built-in:";
@@ -20,7 +22,24 @@ pub const BUILT_IN: &str = "built-in:";
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Catalog {
+    #[serde(deserialize_with = "as_far_as_known")]
     entries: Vec<Entry>,
+}
+
+/// Entries of another pdk, without components of a kind that is not known here.
+fn as_far_as_known<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<Entry>, D::Error> {
+    let read = |mut entry: Value| {
+        let error = match Entry::deserialize(&entry) {
+            Ok(entry) => return Ok(Some(entry)),
+            Err(error) => error,
+        };
+        let described = entry.get_mut("description").ok_or(error)?;
+        let Some(known) = reading::as_far_as_known(described.take())? else { return Ok(None) };
+        *described = serde_json::to_value(known)?;
+        Ok(Some(serde_json::from_value(entry)?))
+    };
+    let read = Vec::deserialize(from)?.into_iter().map(read).filter_map(Result::transpose);
+    read.collect::<Result<_>>().map_err(D::Error::custom)
 }
 
 /// A component and where it comes from.
@@ -132,9 +151,7 @@ impl Catalog {
     pub fn preferred(&self, kind: Kind) -> Result<&Entry> {
         let said = || self.of_kind(kind).filter(|entry| entry.base.is_none() && entry.description.preferred);
         said().find(|entry| entry.is_built_in()).or_else(|| said().next()).ok_or_else(|| {
-            let sentence = format!(
-                "no {kind} is there that is used if none is named; name one that `pdk list {kind}` shows"
-            );
+            let sentence = format!("there is no default {kind}; name one that `pdk list {kind}` shows");
             Error::of(ErrorKind::Configuration, sentence)
         })
     }
@@ -174,4 +191,33 @@ pub fn drop_in_name(file: &Path) -> String {
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     stem.chars().map(fits).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_catalog_of_a_later_pdk_is_read_as_far_as_it_is_known() {
+        let described = Description::driver("pilot", "Drives");
+        let mut later = serde_json::to_value([Entry::new(described, "/p.so".into())]).unwrap();
+        later[0]["since"] = json!(2030);
+        later[0]["description"]["parameters"] =
+            json!([{ "name": "tint", "doc": "", "type": "colour", "default": "red" }]);
+        let list = later.as_array_mut().unwrap();
+        list.insert(0, json!({ "description": { "kind": "horn", "name": "h" }, "file": "/h.so" }));
+        let catalog: Catalog = serde_json::from_value(later).unwrap();
+        let [entry] = catalog.entries() else { panic!("{catalog:?}") };
+        assert_eq!((entry.description.name.as_str(), &*entry.file), ("pilot", Path::new("/p.so")));
+        assert_eq!(entry.description.parameters[0].kind, ParameterType::Json);
+        for nonsense in [
+            json!([7]),
+            json!([{ "file": "/p.so" }]),
+            json!([{ "description": { "kind": "driver" }, "file": "/p.so" }]),
+        ] {
+            assert!(serde_json::from_value::<Catalog>(nonsense.clone()).is_err(), "{nonsense}");
+        }
+    }
 }

@@ -13,7 +13,7 @@ use object::{Endianness, ReadCache, ReadRef};
 use pdk_sdk::error::Result;
 use pdk_sdk::file;
 
-/// How many bytes the file has to have and how many it has, where it has too few. Only 64-bit ELF files are looked at;
+/// How many bytes the file has to have and how many it has, if it has too few. Only 64-bit ELF files are looked at;
 /// everything else is left to the system.
 ///
 /// # Errors

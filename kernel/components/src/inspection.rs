@@ -47,7 +47,7 @@ struct Said {
     refused: Option<String>,
 }
 
-/// Inspects libraries: for each the reason why it cannot be used, where there is one.
+/// Inspects libraries: for each the reason why it cannot be used, if there is one.
 ///
 /// # Errors
 /// If no process can be started.
@@ -99,7 +99,7 @@ pub fn is_known(library: &Path) -> bool {
     mark(library).is_some_and(|mark| Notes::of_user().has(&mark))
 }
 
-/// Opens libraries in a process: what that says of those that it comes to, and how it ended where it did not come to the end.
+/// Opens libraries in a process: what that says of those that it comes to, and how it ended if it did not come to the end.
 fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
     const CANNOT: &str = "cannot start a process to inspect plugins";
     let mut command = Command::new(installation::executable()?);

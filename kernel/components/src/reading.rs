@@ -35,7 +35,7 @@ pub fn read(text: &str) -> Result<Told> {
     for (place, component) in components.into_iter().enumerate() {
         let word = |name: &str| component[name].as_str().unwrap_or_default().to_owned();
         let (kind, name) = (word("kind"), word("name"));
-        if !Kind::ALL.iter().any(|known| known.name() == kind) {
+        if !is_kind(&kind) {
             told.skipped.push(format!(
                 "`{name}` is left out, because it is of the kind `{kind}`, which this pdk does not know"
             ));
@@ -66,22 +66,11 @@ pub fn read(text: &str) -> Result<Told> {
 impl Told {
     /// Reads the description of a component; a parameter of an unknown type takes any value.
     fn component(&mut self, label: &str, mut component: Value) -> Result<Description> {
-        let parameters = component.get_mut("parameters").and_then(Value::as_array_mut);
-        for parameter in parameters.into_iter().flatten() {
-            if serde_json::from_value::<Parameter>(parameter.clone()).is_ok() {
-                continue;
-            }
-            let word = |name: &str| parameter[name].as_str().unwrap_or_default().to_owned();
-            let (name, kind) = (word("name"), word("type"));
-            let mut any = parameter.clone();
-            any["type"] = json!("json");
-            if let Ok(known) = serde_json::from_value::<Parameter>(any) {
-                *parameter = serde_json::to_value(known)?;
-                self.skipped.push(format!(
-                    "{label}: its parameter `{name}` is of the type `{kind}`, which this pdk does not know and leaves to the \
-                     plugin to check"
-                ));
-            }
+        for (name, kind) in take_any(&mut component)? {
+            self.skipped.push(format!(
+                "{label}: its parameter `{name}` is of the type `{kind}`, which this pdk does not know and leaves to the plugin \
+                 to check"
+            ));
         }
         let description: Description = serde_json::from_value(component.clone())?;
         self.skip(label, unknown_fields(&component, &description)?);
@@ -95,6 +84,45 @@ impl Told {
             self.skipped.push(format!("{label} says {fields}, which this pdk does not know and leaves out"));
         }
     }
+}
+
+/// Whether there is a kind of this name.
+fn is_kind(name: &str) -> bool {
+    Kind::ALL.iter().any(|known| known.name() == name)
+}
+
+/// The description of a component as far as it is known here; none if its kind is not.
+///
+/// # Errors
+/// If it is not a description.
+pub fn as_far_as_known(mut component: Value) -> Result<Option<Description>> {
+    if component.get("kind").and_then(Value::as_str).is_some_and(|kind| !is_kind(kind)) {
+        return Ok(None);
+    }
+    take_any(&mut component)?;
+    Ok(Some(serde_json::from_value(component)?))
+}
+
+/// Lets the parameters of types that are not known here take any value, and returns their names and types.
+fn take_any(component: &mut Value) -> Result<Vec<(String, String)>> {
+    let mut unknown = Vec::new();
+    let parameters = component.get_mut("parameters").and_then(Value::as_array_mut);
+    for parameter in parameters.into_iter().flatten() {
+        if serde_json::from_value::<Parameter>(parameter.clone()).is_ok() {
+            continue;
+        }
+        let word = |name: &str| parameter[name].as_str().unwrap_or_default().to_owned();
+        let named = (word("name"), word("type"));
+        let mut any = parameter.clone();
+        if let Some(fields) = any.as_object_mut() {
+            fields.insert("type".to_owned(), json!("json"));
+        }
+        if let Ok(known) = serde_json::from_value::<Parameter>(any) {
+            *parameter = serde_json::to_value(known)?;
+            unknown.push(named);
+        }
+    }
+    Ok(unknown)
 }
 
 /// The places of what was said and is not in what was understood.

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::each_kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::input_files::InputFiles;
-use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Predictor, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
 
 use crate::catalog::{Catalog, Entry, drop_in_name};
@@ -354,7 +354,7 @@ impl Registry {
         Ok(())
     }
 
-    /// Adds the component in a script; false where it has none.
+    /// Adds the component in a script; false if it has none.
     fn add_script(&mut self, file: &Path) -> Result<bool> {
         let Some(file) = self.first_look(file) else { return Ok(true) };
         let name = format!("script {}", file.display());
@@ -480,18 +480,18 @@ fn is_library(file: &Path) -> bool {
 
 /// One function for each kind.
 macro_rules! create_functions {
-    ($($(#[$doc:meta])* $function:ident: $kind:ident as $trait:ident;)*) => {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
         impl Registry {
             $(
-                $(#[$doc])*
+                #[doc = concat!("Makes the ", $one, " of this name.")]
                 ///
                 /// # Errors
-                /// If there is no such component, or it refuses the parameters.
-                pub fn $function(
+                /// If there is none, or it refuses the parameters.
+                pub fn $name(
                     &self,
                     name: &str,
                     parameters: &Map<String, Value>,
-                ) -> Result<(Box<dyn $trait>, Config)> {
+                ) -> Result<(Box<dyn pdk_sdk::$name::$kind>, Config)> {
                     match self.create(Kind::$kind, name, parameters)? {
                         (Instance::$kind(instance), config) => Ok((instance, config)),
                         (other, _) => Err(Error::new(format!("`{name}` is a {}", other.kind()))),
@@ -502,21 +502,4 @@ macro_rules! create_functions {
     };
 }
 
-create_functions! {
-    /// Makes a perturbation.
-    perturbation: Perturbation as Perturbation;
-    /// Makes a simulator.
-    simulator: Simulator as Simulator;
-    /// Makes a driver.
-    driver: Driver as Driver;
-    /// Opens a dataset.
-    dataset: Dataset as Dataset;
-    /// Makes a saliency method.
-    saliency: Saliency as Saliency;
-    /// Makes a mask.
-    mask: Mask as Mask;
-    /// Makes a predictor.
-    predictor: Predictor as Predictor;
-    /// Makes a search strategy.
-    search: Search as Search;
-}
+each_kind!(create_functions);

@@ -1,11 +1,11 @@
 //! What a frame comes with beside its pixels, if perturbations need it: what they show, and how far away it is.
 
 use pdk_chain::moment::Labels;
+use pdk_components::held::Held;
 use pdk_sdk::prelude::{Annotations, Camera, Simulator};
 use pdk_supervise::calls::Function;
 
 use crate::fault::Fault;
-use crate::held::Held;
 use crate::stages::{Stage, Stopwatch};
 
 /// The annotations of the frame at hand.

@@ -69,7 +69,7 @@ impl Size {
         self.max = self.max.max(size);
     }
 
-    /// Its root mean square; 0 where nothing was measured.
+    /// Its root mean square; 0 if nothing was measured.
     pub fn rms(&self) -> f64 {
         if self.seconds > 0.0 { (self.squares / self.seconds).sqrt() } else { 0.0 }
     }

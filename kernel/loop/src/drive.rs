@@ -6,10 +6,11 @@ use pdk_bus::{Bus, FrameSample, Stamp, Topic};
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_chain::view::View;
+use pdk_components::held::Held;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Mode;
 use pdk_record::trace::step::{Digest, Step};
-use pdk_sdk::describe::Clock;
+use pdk_sdk::describe::{ActsOn, Clock};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Camera, Control, DriveContext, Driver, Frame, FrameMut, Simulator, State};
 use pdk_sdk::timeline::Told;
@@ -19,7 +20,6 @@ use twox_hash::XxHash3_64;
 use crate::annotated::Annotated;
 use crate::announced::Announced;
 use crate::fault::Fault;
-use crate::held::Held;
 use crate::judge::Judge;
 use crate::motion::Motion;
 use crate::pace::Pace;
@@ -88,8 +88,8 @@ pub struct Run<'a> {
     motion: Motion,
     annotated: Annotated,
     pictures: Pictures,
-    /// What the driver said last.
-    control: Control,
+    /// What was applied to the vehicle last.
+    applied: Control,
     cause: Cause,
     under_way: bool,
 }
@@ -106,7 +106,7 @@ impl<'a> Run<'a> {
             motion: Motion::default(),
             annotated: Annotated::default(),
             pictures: Pictures::default(),
-            control: Control::default(),
+            applied: Control::default(),
             cause: Cause::Error,
             under_way: false,
         }
@@ -201,29 +201,38 @@ impl<'a> Run<'a> {
         let moment = Moment::new(sequence, state.time)
             .at_speed(state.speed)
             .after(self.motion.reach(&state))
+            .at_rate(with.camera.rate)
             .with_labels(self.annotated.labels())
             .with_depth(self.annotated.depth());
 
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, size[0], size[1]).map_err(wrong_size)?;
-        stopwatch
-            .measure(Stage::Perturbation, || chain.apply(raw_frame, target, &moment))
+        let cx = DriveContext { frame_index: sequence, time: state.time, speed: state.speed };
+        let told = stopwatch
+            .measure(Stage::Perturbation, || {
+                chain.apply(raw_frame, target, &moment)?;
+                chain.pass(ActsOn::Observation, cx.numbers(), &moment)
+            })
             .map_err(Fault::Component)?;
+        let cx = told.map_or(cx, |[time, speed]| DriveContext { time, speed, ..cx });
         let perturbed = loan.publish()?;
         let perturbed_frame = frame(&perturbed, size)?;
 
-        let cx = DriveContext { frame_index: sequence, time: state.time, speed: state.speed };
         let control = stopwatch
             .measure(Stage::Driver, || {
                 driver.call(Function::Drive, Some(sequence), |d| d.drive(perturbed_frame, &cx)?.checked())
             })
             .map_err(Fault::Component)?;
         bus.publish_control(stamp, control)?;
+        let applied = stopwatch
+            .measure(Stage::Perturbation, || chain.pass(ActsOn::Control, control.numbers(), &moment))
+            .map_err(Fault::Component)?
+            .map(Control::from_numbers);
 
         let frame_hash = XxHash3_64::oneshot(&perturbed);
         self.digest.add(frame_hash, &control);
         if let Some(recorder) = witnesses.recorder {
-            recorder.step(Step { sequence, state, control, frame_hash });
+            recorder.step(Step { sequence, state, control, frame_hash, told, applied });
             let (every, time) = (self.job.drive.images_every, state.time);
             let seen = Seen { sequence, time, raw: raw_frame, perturbed: perturbed_frame, moment: &moment };
             self.pictures.record(&seen, every, recorder, witnesses.recent, view.as_deref_mut())?;
@@ -234,7 +243,7 @@ impl<'a> Run<'a> {
         self.motion.state = state;
         match self.judge.look(&state) {
             Some(end) => Ok(Some(end)),
-            None => self.act(control, with, witnesses.stopwatch),
+            None => self.act(applied.unwrap_or(control), with, witnesses.stopwatch),
         }
     }
 
@@ -276,7 +285,7 @@ impl<'a> Run<'a> {
             self.believe(&state, Told::Act, with.simulator)?;
             let passed = ((state.time - self.motion.state.time) * with.camera.rate).round() as u64;
             self.count.sequence += passed.saturating_sub(1);
-            self.control = control;
+            self.applied = control;
             return Ok(None);
         }
         let mode = self.job.drive.scenario.mode;
@@ -285,7 +294,7 @@ impl<'a> Run<'a> {
             Mode::Realtime => self.pace.skipped(sequence),
         };
         for number in 0..=skipped {
-            let held = if number < skipped { self.control } else { control };
+            let held = if number < skipped { self.applied } else { control };
             let at = sequence + number;
             let state = stopwatch
                 .measure(Stage::Simulator, || with.simulator.call(Function::Act, Some(at), |s| s.act(held)))
@@ -300,7 +309,7 @@ impl<'a> Run<'a> {
                 }
             }
         }
-        self.control = control;
+        self.applied = control;
         if mode == Mode::Realtime && self.pace.is_by_clock() {
             stopwatch.wait(self.pace.due(self.count.sequence));
         }

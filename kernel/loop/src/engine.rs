@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use pdk_bus::Bus;
 use pdk_chain::chain::Chain;
 use pdk_chain::view::View;
+use pdk_components::held::{Held, keep};
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
@@ -18,7 +19,6 @@ use crate::drive::{Instances, Run, Witnesses};
 use crate::environment::Environment;
 use crate::evaluate::{self, Evaluator};
 use crate::fault::Fault;
-use crate::held::{Held, keep};
 use crate::protocol::{Answer, Drive, Driven, Hello, Job, Made, Make, SearchStep, StartSearch, Work};
 use crate::recent::Recent;
 use crate::recorder::Recorder;
@@ -53,7 +53,7 @@ pub struct Engine<'a> {
 }
 
 impl<'a> Engine<'a> {
-    /// An engine for the run that says hello; `environment` is that from before components were loaded.
+    /// An engine for the run that sent `hello`. `environment` is the process's environment before components were loaded.
     pub fn new(registry: &'a Registry, hello: &Hello, environment: Environment) -> Self {
         Self {
             registry,

@@ -69,7 +69,7 @@ impl Environment {
 fn standard_files() -> [Option<(u64, u64)>; 3] {
     [0, 1, 2].map(|number| {
         let mut status = std::mem::MaybeUninit::<libc::stat>::zeroed();
-        // SAFETY: the function only fills the structure, and says where there is no such file.
+        // SAFETY: the function only fills the structure, and says if there is no such file.
         let found = unsafe { libc::fstat(number, status.as_mut_ptr()) } == 0;
         // SAFETY: all zeros is a valid structure as well.
         let status = unsafe { status.assume_init() };

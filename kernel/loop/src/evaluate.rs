@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
+use pdk_components::held::Held;
 use pdk_components::registry::Registry;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf, Predictor};
 use pdk_supervise::calls::Function;
 
-use crate::held::Held;
 use crate::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Subject};
 use pdk_truth::taken::{Take, Taken};
 

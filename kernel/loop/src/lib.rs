@@ -2,7 +2,7 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
+//! | [`loop_process`] | the process that calls components; `engine` keeps them |
 //! | [`protocol`] | what it and those who give it work say to each other, on [`lines`] |
 //! | [`drive`] | one scenario around the loop, on `motion`, `annotated`, `pace` and `pictures`; `fault` says whose an error is |
 //! | `judge` | says when a scenario is over and measures it, `comfort` with it |
@@ -20,7 +20,6 @@ mod engine;
 mod environment;
 mod evaluate;
 mod fault;
-mod held;
 mod judge;
 pub mod lines;
 pub mod loop_process;

@@ -1,11 +1,12 @@
 //! Messages as lines of JSON, written in one piece and read on a thread of their own.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::sync::mpsc::Sender;
 
 use pdk_sdk::error::Result;
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 
 /// The longest line that is read, in bytes: far above the catalog of any installation.
 const LONGEST: u64 = 64 << 20;
@@ -27,10 +28,17 @@ pub fn write(to: &mut impl Write, message: &impl Serialize) -> Result<()> {
 pub enum Found<T> {
     /// A message.
     Message(T),
-    /// A line that is not a message, and why.
-    Nonsense(String),
+    /// A line that is not a message, why, and the name that it has if it has the form of one.
+    Nonsense(String, Option<String>),
     /// There will be no more.
     End,
+}
+
+/// The name of what has the form of a message: an object with one key.
+fn name(line: &[u8]) -> Option<String> {
+    let message: BTreeMap<String, IgnoredAny> = serde_json::from_slice(line).ok()?;
+    let mut names = message.into_keys();
+    names.next().filter(|_| names.next().is_none())
 }
 
 /// Reads messages until the end, and hands each on as the event that `wrap` makes of it.
@@ -47,11 +55,11 @@ pub fn read_all<T: DeserializeOwned, E>(from: impl Read, events: &Sender<E>, wra
                 }
                 match serde_json::from_slice(&line) {
                     Ok(message) => Found::Message(message),
-                    Err(error) => Found::Nonsense(error.to_string()),
+                    Err(error) => Found::Nonsense(error.to_string(), name(&line)),
                 }
             }
             Ok(length) if length as u64 == LONGEST => {
-                Found::Nonsense(format!("a line of more than {} MiB", LONGEST >> 20))
+                Found::Nonsense(format!("a line of more than {} MiB", LONGEST >> 20), None)
             }
             // Without a line feed it was cut off.
             _ => Found::End,

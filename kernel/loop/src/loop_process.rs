@@ -20,7 +20,7 @@ use pdk_supervise::supervisor::kill_group;
 use crate::engine::{BUS_ROOT, Engine};
 use crate::environment::Environment;
 use crate::lines::{self, Found};
-use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSION, Work};
+use crate::protocol::{Done, FromWorker, Hello, MINOR, Progress, Ready, ToWorker, VERSION, Work};
 
 /// How long taking leave of the components may take.
 const LEAVE: Duration = Duration::from_secs(10);
@@ -75,6 +75,7 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
     };
     let ready = Ready {
         protocol: VERSION,
+        minor: MINOR,
         pdk: env!("CARGO_PKG_VERSION").to_owned(),
         slots: 1,
         catalog: registry.catalog().clone(),
@@ -108,7 +109,7 @@ fn serve(
         let job = match message {
             Found::Message(ToWorker::Job(job)) => job,
             Found::Message(ToWorker::Hello(_)) => return Err(Error::new("the worker says `hello` twice")),
-            Found::Nonsense(error) => {
+            Found::Nonsense(error, _) => {
                 return Err(Error::new(format!("the worker says what is not a message ({error})")));
             }
             Found::End => break,

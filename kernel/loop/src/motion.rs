@@ -1,5 +1,6 @@
 //! What the simulator says about the vehicle, as far as it is believed.
 
+use pdk_components::held::Held;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Clock;
 use pdk_sdk::error::{Error, ErrorKind};
@@ -7,11 +8,10 @@ use pdk_sdk::prelude::{Simulator, State};
 use pdk_sdk::timeline::{Timeline, Told};
 
 use crate::fault::Fault;
-use crate::held::Held;
 use crate::way::Way;
 
 /// A simulator may deliver this many times the frames that its rate and the time limit make, and this many more; a scenario
-/// whose time does not go on would never end.
+/// whose time does not advance would never end.
 const PATIENT_FACTOR: u64 = 10;
 const PATIENT_FRAMES: u64 = 1000;
 
@@ -73,7 +73,7 @@ impl Motion {
             return Err(nonsense(Error::of(
                 ErrorKind::Nonsense,
                 format!(
-                    "after {} frames it says that {} s have passed of {} s, so its time does not go on",
+                    "after {} frames it says that {} s have passed of {} s, so its time does not advance",
                     self.limit, state.time, self.duration
                 ),
             )));

@@ -22,9 +22,11 @@ use serde::{Deserialize, Serialize};
 use crate::stages::Times;
 use pdk_truth::taken::{Take, Taken};
 
-/// The version of the protocol. Both ends have to have the same one; within a version new fields may come, which the other end leaves
-/// out. `docs/worker-protocol.md` says what else is a new version.
+/// The version of the protocol, which has to be the same at both ends. `docs/worker-protocol.md` says what is a new version.
 pub const VERSION: u32 = 2;
+/// How often the version has grown. An end that has grown less does not get what it does not have, and one that has grown more is understood
+/// as far as it is known here.
+pub const MINOR: u32 = 1;
 
 /// A message to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -41,6 +43,9 @@ pub enum ToWorker {
 pub struct Hello {
     /// [`VERSION`].
     pub protocol: u32,
+    /// [`MINOR`].
+    #[serde(default)]
+    pub minor: u32,
     /// The run's name on the topics: letters, digits, dashes and underscores.
     pub run: String,
     /// How long one call of a component may take, in seconds.
@@ -85,12 +90,24 @@ pub enum Work {
     Drive(Box<Drive>),
     /// Evaluate frames of a dataset, one after the other.
     Evaluate(Box<EvaluateFrames>),
-    /// Make a component and say what it is like.
+    /// Make a component and describe it.
     Make(Make),
     /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
     InputFiles(Make),
     /// Take a step of a search. Only a worker of this machine gets it, which does nothing else.
     Search(Box<SearchStep>),
+}
+
+impl Work {
+    /// What of it came when the version had grown, and how often it had by then; none if the version had it from the start.
+    pub fn came_later(&self) -> Option<(u32, &'static str)> {
+        match self {
+            Self::Evaluate(frames) if matches!(frames.subject, Subject::Predictor { .. }) => {
+                Some((1, "predictors"))
+            }
+            _ => None,
+        }
+    }
 }
 
 /// A scenario to drive.
@@ -204,10 +221,20 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
-    /// A component took the process along where that is not a job's outcome, such as when an instance was dropped; one sentence.
+    /// A component took the process along if that is not a job's outcome, such as when an instance was dropped; one sentence.
     Trouble(String),
     /// It cannot go on, and why.
     Failed(String),
+}
+
+impl ToWorker {
+    /// The names of the messages.
+    pub const NAMES: [&str; 2] = ["hello", "job"];
+}
+
+impl FromWorker {
+    /// The names of the messages.
+    pub const NAMES: [&str; 5] = ["ready", "progress", "done", "trouble", "failed"];
 }
 
 /// The answer to [`Hello`].
@@ -215,6 +242,9 @@ pub enum FromWorker {
 pub struct Ready {
     /// [`VERSION`].
     pub protocol: u32,
+    /// [`MINOR`].
+    #[serde(default)]
+    pub minor: u32,
     /// The version of pdk.
     pub pdk: String,
     /// How many jobs it takes at a time.
@@ -370,7 +400,7 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
-    /// Of an evaluation: the number of the frame at which the process was lost, where that is known.
+    /// Of an evaluation: the number of the frame at which the process was lost, if that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<u64>,
     /// Of an evaluation: whether the driver was at work.
@@ -387,5 +417,23 @@ impl From<Error> for Failure {
 impl From<Failure> for Error {
     fn from(failure: Failure) -> Self {
         Error::of(failure.kind, failure.message)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_names_are_those_of_all_messages() {
+        let known = |error: serde_json::Error, names: &[&str]| {
+            let names: Vec<_> = names.iter().map(|name| format!("`{name}`")).collect();
+            let error = error.to_string();
+            let listed = error.split_once("expected ").unwrap().1.split(" at ").next().unwrap();
+            assert_eq!(listed.trim_start_matches("one of ").replace(" or ", ", "), names.join(", "));
+        };
+        let unknown = r#"{"later":0}"#;
+        known(serde_json::from_str::<ToWorker>(unknown).unwrap_err(), &ToWorker::NAMES);
+        known(serde_json::from_str::<FromWorker>(unknown).unwrap_err(), &FromWorker::NAMES);
     }
 }

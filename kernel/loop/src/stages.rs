@@ -81,7 +81,7 @@ impl Stopwatch {
         }
     }
 
-    /// Starts a scenario, whose steps have to take no longer than `budget` where there is one.
+    /// Starts a scenario, whose steps have to take no longer than `budget` if there is one.
     pub fn start(&mut self, budget: Option<Duration>) {
         self.budget = budget;
         (self.steps, self.overruns) = (0, 0);
@@ -173,7 +173,7 @@ impl Times {
     }
 }
 
-/// The time that this share of all is not above; 0 where there are none.
+/// The time that this share of all is not above; 0 if there are none.
 fn quantile(counts: &[(u32, u64)], share: f64) -> f64 {
     let all: u64 = counts.iter().map(|(_, count)| count).sum();
     let wanted = (all.saturating_sub(1) as f64 * share).round() as u64;

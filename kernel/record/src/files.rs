@@ -56,7 +56,7 @@ impl FileRecord {
             return None;
         }
         Some(match (group.is_empty(), recorded.count, self.count) {
-            (true, ..) => format!("the file {path} is another"),
+            (true, ..) => format!("the file {path} is a different one"),
             (_, was, is) if was == is => format!("the {group} in {path} ({is} in all) are not the same"),
             (_, was, is) => format!("the {group} in {path} were {was} and are {is}"),
         })

@@ -18,7 +18,7 @@ const UNREADABLE: (u64, [u8; 32]) = (u64::MAX, [0; 32]);
 /// Called with the number of files read so far and the total. An error stops the reading.
 pub type Tick<'a> = dyn FnMut(usize, usize) -> Result<()> + 'a;
 
-/// The records of a group of files: one of all together, and one of each where they are few.
+/// The records of a group of files: one of all together, and one of each if they are few.
 ///
 /// # Errors
 /// What `tick` returns.

@@ -11,7 +11,6 @@
 //! | [`shard`] | the parts of a run |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`merge`] | the records of all parts of a run put together |
-//! | [`shell`] | commands about a record, for people |
 //! | [`times`] | how long the stages of the loop took |
 //! | [`trace`] | what happened in a scenario, frame by frame |
 
@@ -25,6 +24,5 @@ pub mod manifest;
 pub mod merge;
 pub mod settle;
 pub mod shard;
-pub mod shell;
 pub mod times;
 pub mod trace;

@@ -149,11 +149,11 @@ impl Manifest {
         }
         let (was, is) = (&recorded.pipeline, &self.pipeline);
         if was.source != is.source {
-            return Err(format!("the text of the pipeline {} is another", is.path.display()));
+            return Err(format!("the text of the pipeline {} has changed", is.path.display()));
         }
         for module in &is.modules {
             if was.modules.iter().any(|known| known.name == module.name && known.blake3 != module.blake3) {
-                return Err(format!("the text of the module {} is another", module.name));
+                return Err(format!("the text of the module {} has changed", module.name));
             }
         }
         // As it comes out of the file.

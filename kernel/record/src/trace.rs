@@ -5,11 +5,12 @@
 //! |---|---|---|
 //! | `/state` | `pdk.State` | every frame's state, with a hash of what the driver saw |
 //! | `/control` | `pdk.Control` | what the driver decided |
+//! | `/told`, `/applied` | `pdk.Told`, `pdk.Control` | the time and speed that the driver got, and what was applied to the vehicle, if perturbations change them |
 //! | `/raw`, `/perturbed` | `foxglove.CompressedImage` | some frames, as the camera and as the driver saw them |
 //! | `/event` | `foxglove.Log` | the start, failures, the end |
 //! | `/road` | `pdk.Road` | the centre line of the driven lane, where the simulator tells |
 //!
-//! [`writer`] writes a trace, [`reader`] reads one, whole or cut off; [`step`] and [`telemetry`] are what they speak of.
+//! [`writer`] writes a trace, [`reader`] reads one, whole or cut off; [`step`] is what they speak of.
 
 mod chunks;
 pub mod ending;
@@ -17,5 +18,4 @@ mod message;
 mod protobuf;
 pub mod reader;
 pub mod step;
-pub mod telemetry;
 pub mod writer;

@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use pdk_notice::eprintln;
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_supervise::supervisor::kill_group;
 
 use pdk_loop::lines::{self, Found};
@@ -112,6 +112,10 @@ pub struct Connection {
     pub opened: Instant,
     /// Whether the user has been told that it is waited for.
     pub told: bool,
+    /// How often the version of its protocol has grown.
+    minor: u32,
+    /// Whether the user has been told that it says what is not known here.
+    left_out: bool,
 }
 
 impl Connection {
@@ -148,6 +152,8 @@ impl Connection {
             slots: None,
             opened: Instant::now(),
             told: false,
+            minor: 0,
+            left_out: false,
         })
     }
 
@@ -163,6 +169,7 @@ impl Connection {
                 ready.protocol
             )));
         }
+        self.minor = ready.minor;
         let version = env!("CARGO_PKG_VERSION");
         if ready.pdk != version {
             eprintln!(
@@ -195,8 +202,31 @@ impl Connection {
         self.slots.as_ref()?.iter().position(|slot| *slot == Slot::Free)
     }
 
+    /// Whether a message of this name is one that the other end knows and this one does not, which is left out.
+    pub fn leaves_out(&mut self, message: &str, pool: &Pool) -> bool {
+        let unknown = self.slots.is_some() && !FromWorker::NAMES.contains(&message);
+        if unknown && !std::mem::replace(&mut self.left_out, true) {
+            eprintln!(
+                "pdk: warning: {} says `{message}`, which this pdk does not know and leaves out",
+                pool.name()
+            );
+        }
+        unknown
+    }
+
     /// Gives a slot a job.
-    pub fn give(&mut self, slot: usize, job: &Job) {
+    ///
+    /// # Errors
+    /// If the other end does not have this work.
+    pub fn give(&mut self, slot: usize, job: &Job, pool: &Pool) -> Result<()> {
+        if let Some((since, what)) = job.work.came_later().filter(|(since, _)| *since > self.minor) {
+            let sentence = format!(
+                "{} speaks version {VERSION}.{} of the worker protocol, and {what} came with version {VERSION}.{since}; use a later pdk there",
+                pool.name(),
+                self.minor
+            );
+            return Err(Error::of(ErrorKind::Configuration, sentence));
+        }
         if let Some(slots) = &mut self.slots {
             slots[slot] = Slot::Busy(job.number);
         }
@@ -204,6 +234,7 @@ impl Connection {
             // As above.
             let _ = lines::write(input, &ToWorker::Job(Box::new(job.clone())));
         }
+        Ok(())
     }
 
     /// Notes that a job is done.
@@ -213,7 +244,7 @@ impl Connection {
         }
     }
 
-    /// Takes the slot out that does this job; its number, where there is one.
+    /// Takes the slot out that does this job; its number, if there is one.
     pub fn take_out(&mut self, job: u64) -> Option<u32> {
         let slots = self.slots.as_mut()?;
         let place = slots.iter().position(|slot| *slot == Slot::Busy(job))?;
@@ -240,7 +271,7 @@ impl Connection {
         self.input = None;
     }
 
-    /// Waits until it has left, and ends it where it does not. How it ended by itself; none if it did not.
+    /// Waits until it has left, and ends it if it does not. How it ended by itself; none if it did not.
     pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let until = Instant::now() + limit;
         loop {

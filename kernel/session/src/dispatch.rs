@@ -200,7 +200,7 @@ impl Dispatch {
             (task.given, task.heard) = (Instant::now(), Instant::now());
             let connection = &mut self.workers.connections[place];
             let job = Job::new(number, connection.first_slot + slot as u32, task.work.clone());
-            connection.give(slot, &job);
+            connection.give(slot, &job, &self.options.pool)?;
         }
         Ok(())
     }

@@ -283,7 +283,7 @@ impl Session {
 }
 
 impl Session {
-    /// Ends the session: all workers leave. Returns which components took their process along where that is not a job's outcome, such
+    /// Ends the session: all workers leave. Returns which components took their process along if that is not a job's outcome, such
     /// as when an instance was dropped, a sentence each.
     pub fn end(&mut self) -> Vec<String> {
         // If the thread is gone already, its workers are as well.

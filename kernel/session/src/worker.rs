@@ -126,7 +126,14 @@ impl Worker {
                 Some(Event::Session(Found::Message(ToWorker::Hello(_)))) => {
                     return Err(Error::new("the session says `hello` twice"));
                 }
-                Some(Event::Session(Found::Nonsense(error))) => {
+                Some(Event::Session(Found::Nonsense(_, Some(name))))
+                    if !ToWorker::NAMES.contains(&&*name) =>
+                {
+                    eprintln!(
+                        "pdk: warning: the session says `{name}`, which this worker does not know and leaves out"
+                    );
+                }
+                Some(Event::Session(Found::Nonsense(error, _))) => {
                     return Err(Error::new(format!("the session says what is not a message ({error})")));
                 }
                 Some(Event::Process(generation, found)) if generation == self.generation => {
@@ -224,7 +231,7 @@ impl Worker {
                 Ok(())
             }
             // It may have been the answer to the job, which is not said again.
-            Found::Nonsense(why) => {
+            Found::Nonsense(why, _) => {
                 if let Some(process) = &mut self.process {
                     process.supervised.kill();
                 }
@@ -319,7 +326,7 @@ impl Worker {
         let remedy = match end {
             End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
             End::Memory(_) => " (the limit is raised with --set memory=MIB)",
-            End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
+            End::Signal(libc::SIGKILL) => " (killed from outside, or because memory ran out)",
             End::Signal(signal) if is_from_outside(*signal) => " (from outside)",
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"

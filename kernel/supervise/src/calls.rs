@@ -27,129 +27,88 @@ const NO_FRAME: u64 = u64::MAX;
 /// The environment variable with the number of the open file that holds the page.
 pub(crate) const PAGE_VARIABLE: &str = "PDK_CALLS";
 
-/// A function of a component, as it is named to the user.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Function {
-    /// Loading the library, and asking what is in it.
-    Load,
-    /// Making an instance.
-    New,
-    /// Size and rate of the camera.
-    Camera,
-    /// The start of a scenario.
-    Reset,
-    /// The next frame of a simulator.
-    Frame,
-    /// A control for a simulator.
-    Act,
-    /// The road that a simulator built.
-    Waypoints,
-    /// A frame for a perturbation.
-    Apply,
-    /// A frame for a driver.
-    Drive,
-    /// A frame for a predictor.
-    Predict,
-    /// What a driver or a dataset says of itself.
-    Info,
-    /// The files that a component reads.
-    InputFiles,
-    /// The number of frames in a dataset.
-    Len,
-    /// The name of a frame in a dataset.
-    Name,
-    /// A frame of a dataset.
-    Read,
-    /// Where in its recording a frame of a dataset lies.
-    Position,
-    /// The size of a saliency map.
-    MapSize,
-    /// A frame for a saliency method.
-    Map,
-    /// A frame for a mask.
-    Weights,
-    /// What the pixels of a simulator's frame show.
-    Labels,
-    /// What a simulator will be asked for besides frames.
-    Annotate,
-    /// How far away the pixels of a simulator's frame are.
-    Depth,
-    /// The beginning of a search.
-    Start,
-    /// Candidates of a search.
-    Ask,
-    /// Results for a search.
-    Tell,
-    /// The end of an instance.
-    Drop,
-    /// Where a perturbation moves points.
-    MovePoints,
+/// Declares the functions, with the names that the traits give them.
+macro_rules! functions {
+    ($($(#[$doc:meta])* $function:ident: $name:literal;)*) => {
+        /// A function of a component, as it is named to the user.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[repr(u32)]
+        pub enum Function {
+            $($(#[$doc])* $function,)*
+        }
+
+        impl Function {
+            const ALL: &[Self] = &[$(Self::$function),*];
+
+            /// As the traits call it.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$function => $name,)*
+                }
+            }
+        }
+    };
 }
 
-impl Function {
-    const ALL: [Self; 27] = [
-        Self::Load,
-        Self::New,
-        Self::Camera,
-        Self::Reset,
-        Self::Frame,
-        Self::Act,
-        Self::Waypoints,
-        Self::Apply,
-        Self::Drive,
-        Self::Predict,
-        Self::Info,
-        Self::InputFiles,
-        Self::Len,
-        Self::Name,
-        Self::Read,
-        Self::Position,
-        Self::MapSize,
-        Self::Map,
-        Self::Weights,
-        Self::Labels,
-        Self::Annotate,
-        Self::Depth,
-        Self::Start,
-        Self::Ask,
-        Self::Tell,
-        Self::Drop,
-        Self::MovePoints,
-    ];
-
-    /// As the traits call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Load => "load",
-            Self::New => "new",
-            Self::Camera => "camera",
-            Self::Reset => "reset",
-            Self::Frame => "frame",
-            Self::Act => "act",
-            Self::Waypoints => "waypoints",
-            Self::Apply => "apply",
-            Self::Drive => "drive",
-            Self::Predict => "predict",
-            Self::Info => "info",
-            Self::InputFiles => "input_files",
-            Self::Len => "len",
-            Self::Name => "name",
-            Self::Read => "read",
-            Self::Position => "position",
-            Self::MapSize => "map_size",
-            Self::Map => "map",
-            Self::Weights => "weights",
-            Self::Labels => "labels",
-            Self::Annotate => "annotate",
-            Self::Depth => "depth",
-            Self::Start => "start",
-            Self::Ask => "ask",
-            Self::Tell => "tell",
-            Self::Drop => "drop",
-            Self::MovePoints => "move_points",
-        }
-    }
+functions! {
+    /// Loading the library, and asking what is in it.
+    Load: "load";
+    /// Making an instance.
+    New: "new";
+    /// Size and rate of the camera.
+    Camera: "camera";
+    /// The start of a scenario.
+    Reset: "reset";
+    /// The next frame of a simulator.
+    Frame: "frame";
+    /// A control for a simulator.
+    Act: "act";
+    /// The road that a simulator built.
+    Waypoints: "waypoints";
+    /// A frame for a perturbation.
+    Apply: "apply";
+    /// A frame for a driver.
+    Drive: "drive";
+    /// A frame for a predictor.
+    Predict: "predict";
+    /// What a driver or a dataset says of itself.
+    Info: "info";
+    /// The files that a component reads.
+    InputFiles: "input_files";
+    /// The number of frames in a dataset.
+    Len: "len";
+    /// The name of a frame in a dataset.
+    Name: "name";
+    /// A frame of a dataset.
+    Read: "read";
+    /// Where in its recording a frame of a dataset lies.
+    Position: "position";
+    /// The size of a saliency map.
+    MapSize: "map_size";
+    /// A frame for a saliency method.
+    Map: "map";
+    /// A frame for a mask.
+    Weights: "weights";
+    /// What the pixels of a simulator's frame show.
+    Labels: "labels";
+    /// What a simulator will be asked for besides frames.
+    Annotate: "annotate";
+    /// How far away the pixels of a simulator's frame are.
+    Depth: "depth";
+    /// The beginning of a search.
+    Start: "start";
+    /// Candidates of a search.
+    Ask: "ask";
+    /// Results for a search.
+    Tell: "tell";
+    /// The end of an instance.
+    Drop: "drop";
+    /// Where a perturbation moves points.
+    MovePoints: "move_points";
+    /// What a driver gets besides the frame.
+    Observe: "observe";
+    /// What becomes of a control.
+    Actuate: "actuate";
 }
 
 /// Both processes see this.
@@ -298,7 +257,7 @@ pub struct Seen {
     pub name: String,
     /// The function.
     pub function: Function,
-    /// The frame, where it is called for one.
+    /// The frame, if it is called for one.
     pub frame: Option<u64>,
     /// For how long.
     pub lasting: Duration,
@@ -379,7 +338,7 @@ impl Thread {
         }
         Some(Seen {
             name: String::from_utf8_lossy(&name).into_owned(),
-            function: Function::ALL.into_iter().find(|known| *known as u32 == function)?,
+            function: *Function::ALL.iter().find(|known| **known as u32 == function)?,
             frame: (frame != NO_FRAME).then_some(frame),
             lasting: Duration::from_nanos(now().saturating_sub(since)),
         })

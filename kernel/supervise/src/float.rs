@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Whether a mode was put back since anybody asked.
 static CHANGED: AtomicBool = AtomicBool::new(false);
 
-/// Puts the mode back to what every program starts with, and notes where it was another.
+/// Puts the mode back to what every program starts with, and notes if it was another.
 pub fn restore() {
     if mode::restore() {
         CHANGED.store(true, Ordering::Relaxed);

@@ -201,7 +201,7 @@ impl fmt::Display for SignalName {
         let name = match self.0 {
             libc::SIGABRT => " (SIGABRT, it aborted)",
             libc::SIGSEGV => " (SIGSEGV, memory that it may not use)",
-            libc::SIGBUS => " (SIGBUS, memory that is not there)",
+            libc::SIGBUS => " (SIGBUS, access to memory that does not exist)",
             libc::SIGILL => " (SIGILL, an instruction that the processor does not have)",
             libc::SIGFPE => " (SIGFPE, an impossible calculation)",
             libc::SIGKILL => " (SIGKILL)",

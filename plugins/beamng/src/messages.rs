@@ -15,7 +15,7 @@ pub struct Messages {
     next: u64,
 }
 
-/// The value of a key of a map; nil where there is none.
+/// The value of a key of a map; nil if there is none.
 pub fn field<'a>(map: &'a Value, key: &str) -> &'a Value {
     let entries = map.as_map().map_or(&[][..], Vec::as_slice);
     entries.iter().find(|(name, _)| name.as_str() == Some(key)).map_or(&Value::Nil, |(_, value)| value)

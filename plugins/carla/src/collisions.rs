@@ -54,7 +54,7 @@ impl Collisions {
         self.stream.is_open()
     }
 
-    /// Subscribes again, where it is time for that.
+    /// Subscribes again, if it is time for that.
     ///
     /// # Errors
     /// If the stream cannot be had again.

@@ -164,7 +164,7 @@ impl Episode {
         begun.set_up(station, server, world, &blueprints, deadline)
     }
 
-    /// Loads the map of a scenario, where it is not loaded already.
+    /// Loads the map of a scenario, if it is not loaded already.
     fn load(&mut self, ground: &Ground, deadline: &Deadline) -> Result<()> {
         let Self { station, server, world, loaded, worlds, .. } = self;
         let Some(server) = server else { return Err(not_started()) };

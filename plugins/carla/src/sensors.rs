@@ -178,7 +178,7 @@ fn attributes(options: &Options) -> Vec<(&str, String)> {
 }
 
 fn unasked() -> Error {
-    Error::new("it has no camera for this: what is wanted besides frames has to be said before `reset`")
+    Error::new("it has no camera for this; request what is needed besides frames before `reset`")
 }
 
 fn stream_of(actor: &Value) -> Result<Token> {

@@ -457,7 +457,7 @@ impl EpisodeSettings {
         Self(values)
     }
 
-    /// The same, as it goes back to the server.
+    /// The same value in the form that is sent back to the server.
     pub fn restored(&self) -> Self {
         self.typed()
     }

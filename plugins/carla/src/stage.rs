@@ -280,7 +280,7 @@ fn motion(world: &mut Stream, vehicle: u32, frame: u64, deadline: &Deadline) -> 
         return snapshot::motion(body, vehicle).ok_or_else(|| {
             Error::of(
                 ErrorKind::Lost,
-                format!("the vehicle is not in frame {frame} of the server any more; another client of CARLA has taken it away"),
+                format!("the vehicle is no longer in frame {frame} of the server; another client of CARLA has removed it"),
             )
         });
     }

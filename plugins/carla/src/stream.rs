@@ -42,7 +42,7 @@ pub struct Stream {
     what: &'static str,
     /// The sizes that a message may have, in bytes.
     sizes: (usize, usize),
-    /// The size of the message that comes next, where it is known already.
+    /// The size of the message that comes next, if it is known already.
     size: Option<usize>,
 }
 

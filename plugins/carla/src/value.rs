@@ -2,7 +2,7 @@
 
 use rmpv::Value;
 
-/// An element of an array; nil where there is none.
+/// An element of an array; nil if there is none.
 pub fn element(value: &Value, index: usize) -> &Value {
     value.as_array().and_then(|elements| elements.get(index)).unwrap_or(&Value::Nil)
 }

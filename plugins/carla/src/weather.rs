@@ -21,7 +21,7 @@ pub const FIELDS: [&str; 14] = [
     "dust_storm",
 ];
 
-/// CARLA's own kinds of weather, without the last numbers, in which they do not differ but for the dust storm.
+/// CARLA's own weather presets, without their last parameters, which are the same in all presets but the dust storm.
 const PRESETS: [(&str, [f64; 10]); 22] = [
     ("ClearNoon", [5.0, 0.0, 0.0, 10.0, -1.0, 45.0, 2.0, 0.75, 0.1, 0.0]),
     ("CloudyNoon", [60.0, 0.0, 0.0, 10.0, -1.0, 45.0, 3.0, 0.75, 0.1, 0.0]),

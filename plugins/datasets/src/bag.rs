@@ -68,7 +68,7 @@ impl Bag {
         Self { files, kept: None }
     }
 
-    /// Shows every message, in the order of the files. Returns what is to be told of files that end early.
+    /// Shows every message, in the order of the files. Returns a notice if a file ends early.
     ///
     /// # Errors
     /// If a file cannot be read, is not an MCAP file or is damaged, or `show` returns an error.
@@ -131,7 +131,9 @@ fn row(path: &Path, at: u64) -> Result<Vec<u8>> {
 }
 
 fn changed() -> Error {
-    Error::new("the message is not there any more; the file has changed while it was read")
+    Error::new(
+        "a message is missing that was there before, so the file has changed while it was read; run the command again",
+    )
 }
 
 /// The records of a file.

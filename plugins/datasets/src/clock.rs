@@ -25,7 +25,7 @@ impl Clock {
             Parameter::number(
                 "rate",
                 20.0,
-                "frames per second with `clock=rate`, and where the records have no time",
+                "frames per second with `clock=rate`, and if the records have no time",
             )
             .range(0.001, 100_000.0)
             .unit("1/s"),

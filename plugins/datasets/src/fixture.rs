@@ -28,7 +28,7 @@ pub fn jpeg(path: &Path, width: u32, height: u32) {
     picture(width, height).save_with_format(path, ImageFormat::Jpeg).unwrap();
 }
 
-/// A file or folder of the data that lies outside the repository; says so where it is not there.
+/// A file or folder of the data that lies outside the repository; says so if it is not there.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)

@@ -24,7 +24,7 @@ pub struct Folder {
 
 /// A frame, or one half of it where the other is missing.
 struct Row {
-    /// The file name of the image; of the record where there is not an image.
+    /// The file name of the image; of the record if there is not an image.
     name: String,
     files: Files,
 }

@@ -172,7 +172,7 @@ fn messages_of_foxglove_are_read() {
     let path =
         write(&folder, &[("/video", "foxglove.CompressedVideo", "protobuf", 1, video.encode_to_vec())]);
     let error = open(&path, json!({})).unwrap().read(0).unwrap_err().to_string();
-    assert!(error.contains("does not begin with a picture"), "{error}");
+    assert!(error.contains("begins with pictures that need earlier ones"), "{error}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Columns of numbers, and of lists of numbers, in Parquet files.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -18,12 +19,15 @@ const MOST: usize = 1 << 22;
 /// # Errors
 /// If the file cannot be read, is damaged, or lacks a column, or a column holds something else.
 pub fn columns(path: &Path, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>> {
-    rows(path, wanted).place(format_args!("`{}`", path.display()))
+    // The crate panics on some damaged files.
+    catch_unwind(AssertUnwindSafe(|| rows(path, wanted)))
+        .unwrap_or_else(|_| Err(damaged("its pages contradict each other")))
+        .place(format_args!("`{}`", path.display()))
 }
 
 fn rows(path: &Path, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>> {
     let (file, _) = file::open(path)?;
-    let reader = SerializedFileReader::new(file).map_err(damaged)?;
+    let reader = SerializedFileReader::new(file).map_err(refused)?;
     let schema = reader.metadata().file_metadata().schema();
     // The columns of a projection are in the order of the file.
     let fields: Vec<_> =
@@ -35,10 +39,10 @@ fn rows(path: &Path, wanted: &[&str]) -> Result<Vec<Vec<Vec<f64>>>> {
         })
     });
     let places = places.collect::<Result<Vec<usize>>>()?;
-    let projection = Type::group_type_builder(schema.name()).with_fields(fields).build().map_err(damaged)?;
+    let projection = Type::group_type_builder(schema.name()).with_fields(fields).build().map_err(refused)?;
     let mut rows = Vec::new();
-    for row in reader.get_row_iter(Some(projection)).map_err(damaged)? {
-        let row = row.map_err(damaged)?;
+    for row in reader.get_row_iter(Some(projection)).map_err(refused)? {
+        let row = row.map_err(refused)?;
         if rows.len() == MOST {
             return Err(Error::new(format!("it has more than {MOST} rows; divide the recording")));
         }
@@ -86,12 +90,36 @@ fn number(field: &Field) -> Option<f64> {
     })
 }
 
-fn damaged(error: ::parquet::errors::ParquetError) -> Error {
+fn refused(error: ::parquet::errors::ParquetError) -> Error {
     let error = error.to_string();
     match error.contains("Disabled feature") {
         true => Error::new(format!(
             "its pages are compressed in a way that pdk does not read ({error}); write it with the compression `snappy`, as LeRobot does"
         )),
-        false => Error::new(format!("it is not a Parquet file, or is damaged ({error}); copy it again")),
+        false => damaged(&error),
+    }
+}
+
+fn damaged(what: &str) -> Error {
+    Error::new(format!("it is not a Parquet file, or is damaged ({what}); copy it again"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_on_which_the_crate_panics_is_reported_as_damaged() {
+        // Fuzzing found it: a page whose streams of bytes are not of one length.
+        let found = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../../tests/fuzz/corpus/lerobot/streams_of_unequal_length");
+        let whole = std::fs::read(found).unwrap();
+        let begin = whole.iter().position(|byte| *byte == 0xff).unwrap() + 1;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("f.parquet");
+        std::fs::write(&path, &whole[begin..]).unwrap();
+        let error = columns(&path, &["episode_index", "timestamp", "speed"]).unwrap_err();
+        assert!(error.message().contains("f.parquet"), "{error}");
+        assert!(error.message().contains("its pages contradict each other"), "{error}");
     }
 }

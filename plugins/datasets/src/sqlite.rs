@@ -97,7 +97,7 @@ impl Sqlite {
         }
         let (mut file, size) = file::open(path)?;
         let mut head = [0; HEAD];
-        file.read_exact(&mut head).map_err(|_| damaged("its head is cut off"))?;
+        file.read_exact(&mut head).map_err(|_| damaged("its header is cut off"))?;
         if !head.starts_with(MAGIC) {
             return Err(Error::new("it does not begin as a file of SQLite"));
         }
@@ -107,7 +107,7 @@ impl Sqlite {
         };
         let usable = page.saturating_sub(usize::from(head[20]));
         if !page.is_power_of_two() || page < 512 || usable < 480 {
-            return Err(damaged("its head has a size of pages that cannot be"));
+            return Err(damaged("its header has an impossible page size"));
         }
         if !matches!(u32::from_be_bytes([head[56], head[57], head[58], head[59]]), 0 | 1) {
             return Err(Error::new(

@@ -156,7 +156,7 @@ impl Drive {
 
     fn video(&mut self, index: usize) -> Result<FrameBuf> {
         let begin = self.frames[..=index].iter().rposition(|frame| frame.begins).ok_or_else(|| {
-            Error::new("the video does not begin with a picture that can be decoded on its own; the first that can is later")
+            Error::new("the video begins with pictures that need earlier ones, which were not recorded; leave out the frames before the first key frame")
         })?;
         let (mut stream, mut next) = match self.stream.take() {
             Some((stream, next)) if (begin..=index).contains(&next) => (stream, next),

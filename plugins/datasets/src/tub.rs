@@ -32,7 +32,7 @@ pub struct Tub {
 
 /// One record of the catalogs.
 struct Row {
-    /// The image's file name; the record's place in its catalog where there is none.
+    /// The image's file name; the record's place in its catalog if there is none.
     name: String,
     /// What it says, or what is wrong with it.
     record: Result<Record>,

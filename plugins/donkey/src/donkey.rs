@@ -137,7 +137,7 @@ fn not_started() -> Error {
 }
 
 impl Donkey {
-    /// The connection, made anew where there is none, or the simulator has hung up since the last scenario.
+    /// The connection, made anew if there is none, or the simulator has closed it since the last scenario.
     fn connected(&mut self, slot: u32) -> Result<Link> {
         let kept = self.link.take().filter(|link| link.wire.station.slot() == slot);
         let kept = kept.and_then(|mut link| link.forget_what_came().is_ok().then_some(link));

@@ -55,7 +55,7 @@ impl Road {
 }
 
 /// The points as the simulator takes them, with the first of them at `start`, in its own coordinates. They have all their digits
-/// where that takes no more than `room` bytes, and else four decimals, tenths of millimetres.
+/// if that takes no more than `room` bytes, and else four decimals, tenths of millimetres.
 pub fn print(points: &[[f64; 3]], start: [f64; 3], room: usize) -> String {
     let first = points.first().copied().unwrap_or_default();
     let place = |point: &[f64; 3]| std::array::from_fn(|axis| point[axis] - first[axis] + start[axis]);

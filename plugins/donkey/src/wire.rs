@@ -36,7 +36,7 @@ pub struct Wire {
 }
 
 impl Wire {
-    /// Starts the simulator where that is to be done, and connects to it.
+    /// Starts the simulator if that is to be done, and connects to it.
     ///
     /// # Errors
     /// If it is not there.
@@ -124,7 +124,7 @@ fn print(kind: &str, fields: &[(&str, String)]) -> Result<String> {
         false => Err(Error::of(
             ErrorKind::Configuration,
             format!(
-                "the message `{kind}` would have {} bytes, and the simulator reads {LONGEST_SENT} at most; where it is a road, give it fewer \
+                "the message `{kind}` would have {} bytes, and the simulator reads {LONGEST_SENT} at most; if it is a road, give it fewer \
                  waypoints",
                 text.len()
             ),

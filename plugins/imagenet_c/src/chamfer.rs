@@ -97,7 +97,7 @@ pub fn edges(grey: &[u8], width: usize, height: usize, low: i32, high: i32) -> V
     rows.flat_map(|row| row[1..=width].iter().map(|mark| *mark == 2)).collect()
 }
 
-/// How far each pixel is from the nearest one that is marked; `furthest` where none is nearer.
+/// How far each pixel is from the nearest one that is marked; `furthest` if none is nearer.
 pub fn distances(marked: &[bool], width: usize, height: usize, furthest: f32) -> Vec<f32> {
     const BORDER: usize = 2;
     let line = width + 2 * BORDER;

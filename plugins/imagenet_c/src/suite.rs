@@ -21,7 +21,7 @@ pub struct MadeFor {
 }
 
 impl MadeFor {
-    /// Notes what is wanted now; false where that is what was noted before.
+    /// Notes what is wanted now; false if that is what was noted before.
     pub fn is_new(&mut self, size: [usize; 2], key: Option<Key>, numbers: &[f64]) -> bool {
         let wanted = Self { size, key, numbers: numbers.to_vec() };
         let is_new = *self != wanted;

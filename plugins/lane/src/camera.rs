@@ -66,7 +66,7 @@ impl Projection {
     }
 
     /// Where a point appears: column, row, and pixels a metre there. The point lies `right` and `ahead` of the camera
-    /// and `height` above the road. `None` where it is less than half a metre in front of the lens.
+    /// and `height` above the road. `None` if it is less than half a metre in front of the lens.
     pub fn project(&self, right: f64, ahead: f64, height: f64) -> Option<[f64; 3]> {
         let below = self.height - height;
         let depth = ahead * self.cosine + below * self.sine;

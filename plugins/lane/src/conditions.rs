@@ -17,7 +17,7 @@ const BY_CONDITIONS: f64 = -1.0;
 /// The light that follows from them.
 const ANY_LIGHT: &str = "any";
 
-/// A parameter whose value follows from the conditions where it is left out.
+/// A parameter whose value follows from the conditions if it is left out.
 struct Setting {
     name: &'static str,
     doc: &'static str,
@@ -105,7 +105,7 @@ const SETTINGS: [Setting; 16] = [
     ),
     Setting {
         name: "crests",
-        doc: "how far a road goes up and down that has no heights of its own",
+        doc: "how far a road without heights of its own goes up and down",
         unit: "m",
         range: (0.0, 6.0),
         values: [(0.0, 0.0), (0.0, 1.2), (0.8, 2.4)],

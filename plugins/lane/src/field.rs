@@ -145,7 +145,7 @@ impl Field {
         }
     }
 
-    /// Where a place lies relative to the lane; `None` where it is far from the road.
+    /// Where a place lies relative to the lane; `None` if it is far from the road.
     #[inline(always)]
     pub fn at(&self, x: f32, z: f32) -> Option<Place> {
         let (cx, cz) = (x * CELLS, z * CELLS);

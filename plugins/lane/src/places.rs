@@ -37,7 +37,7 @@ impl Line {
 /// Where the pixels of a row lie on the road, in whole blocks.
 #[derive(Debug, PartialEq)]
 pub struct RoadPlaces {
-    /// Distance to the right of the middle of the road in metres; [`AWAY`] where that is not known.
+    /// Distance to the right of the middle of the road in metres; [`AWAY`] if that is not known.
     pub offset: Vec<f32>,
     /// Distance along it.
     pub along: Vec<f32>,

@@ -43,7 +43,7 @@ pub struct Layout {
     pub segment: f64,
     /// Straight road before the scenario's own and behind its last angle, in metres.
     pub straight_ends: f64,
-    /// How far the road goes up and down where it has no heights of its own, in metres.
+    /// How far the road goes up and down if it has no heights of its own, in metres.
     pub crests: f64,
 }
 
@@ -89,7 +89,7 @@ impl Road {
     }
 
     /// The road whose node `i + 1` lies `lengths[i]` metres from the one before, turned by angle `i` in degrees, clockwise. The
-    /// first node is 0 m high, the others have `heights` in metres; where there are none, the road is flat.
+    /// first node is 0 m high, the others have `heights` in metres; if there are none, the road is flat.
     ///
     /// # Errors
     /// As [`Road::new`].

@@ -8,7 +8,7 @@ use crate::simd::{padded, vectorised};
 /// How a camera is set; see the parameters of the same names.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// Standard deviation in medium grey where nothing is amplified, of 255.
+    /// Standard deviation in medium grey if nothing is amplified, of 255.
     pub noise: f64,
     /// How far exposure makes up for the brightness of a scene, from 0 to 1.
     pub exposure: f64,
@@ -108,7 +108,7 @@ impl Sensor {
     }
 }
 
-/// Normal values, each like its neighbours of the same colour: a sensor has one colour a pixel and makes up the others.
+/// Normal values, each correlated with its neighbours of the same colour: a sensor measures one colour per pixel and interpolates the others.
 fn kept_noise(count: usize, random: &mut Random) -> Vec<f32> {
     let raw: Vec<f32> = (0..count + 6).map(|_| random.normal() as f32).collect();
     let norm = 1.0 / (0.5f32 * 0.5 + 2.0 * 0.25 * 0.25).sqrt();

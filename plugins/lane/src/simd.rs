@@ -53,7 +53,7 @@ pub mod avx2 {
     use std::arch::x86_64::*;
 
     /// The entries of a table at eight places, as four vectors: all first values, all second ones and so on. A macro, because
-    /// a function for AVX2 that gives back four vectors passes them through memory where it is not inlined.
+    /// a function for AVX2 that gives back four vectors passes them through memory if it is not inlined.
     ///
     /// The table is `&[[f32; 4]]`, or anything else that is indexed by places.
     ///

@@ -85,7 +85,7 @@ impl Eye<'_> {
     }
 
     /// Where something of `size` metres appears whose foot is at a place, with the light and air there; and its scale in
-    /// pixels a metre. `None` where it is too close to the lens.
+    /// pixels a metre. `None` if it is too close to the lens.
     #[inline(always)]
     fn placement(
         &self,

@@ -84,7 +84,7 @@ pub fn left(wear: &Wear, offset: f32, along: f32, texture: f32) -> f32 {
     Wear::left(wear.at(line, along), texture)
 }
 
-/// Finishes a row whose surface and textures are there; `haze` is the share of the air's colour.
+/// Finishes a row whose surface and textures have been computed. `haze` is the share of the air's colour.
 pub fn finish(ground: &Weathered<'_>, row: &WeatheredRow, haze: f32, room: &mut Room) {
     let Weathered { wear, light, .. } = *ground;
     let near = &room.places.near;

@@ -218,7 +218,7 @@ pub struct Sliding {
 
 impl Sliding {
     /// Seconds since it was at a point of its path, given by progress, and its radius then relative to its full one;
-    /// `None` where it has not been there.
+    /// `None` if it has not been there.
     pub fn since(&self, progress: f32) -> Option<(f32, f32)> {
         let since = (self.progress - progress) / self.pace;
         // It comes no further once it has dried up.

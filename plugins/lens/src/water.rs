@@ -237,7 +237,7 @@ struct Near<'a> {
     below: &'a [f32],
 }
 
-/// The slope between two neighbours; where one is dry glass, that on the other side.
+/// The slope between two neighbours; if one is dry glass, that on the other side.
 #[inline(always)]
 fn slope(before: f32, depth: f32, after: f32) -> f32 {
     let (wet_before, wet_after) = (before > DRY, after > DRY);

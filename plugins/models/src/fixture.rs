@@ -1,4 +1,4 @@
-//! What the tests of this crate share: small models, made here, and the real one where it is at hand.
+//! What the tests of this crate share: small models, made here, and the real one if it is at hand.
 
 use std::path::{Path, PathBuf};
 
@@ -151,7 +151,7 @@ fn value_info(name: &str, element: DataType, dims: &[String]) -> pb::ValueInfoPr
     pb::ValueInfoProto { name: name.into(), r#type, ..Default::default() }
 }
 
-/// A file or folder of the data that lies outside the repository; says so where it is not there.
+/// A file or folder of the data that lies outside the repository; says so if it is not there.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)

@@ -14,7 +14,7 @@ use crate::fixture;
 use crate::session::Graph as Content;
 use crate::session::{Network, Session, Taken};
 
-/// The engines to test; ONNX Runtime where it is found.
+/// The engines to test; ONNX Runtime if it is found.
 pub fn engines() -> Vec<&'static str> {
     match crate::locate::Search::from_environment().find().unwrap() {
         Some(_) => vec!["tract", "onnxruntime"],

@@ -44,12 +44,12 @@ pub fn parameters(description: Description) -> Description {
             "the order of colours that the network was trained on",
         ))
         .parameter(
-            Parameter::integer("width", 256, "width of the network's image where the file leaves it open")
+            Parameter::integer("width", 256, "width of the network's image if the file leaves it open")
                 .range(1.0, 4096.0)
                 .unit("px"),
         )
         .parameter(
-            Parameter::integer("height", 256, "height of the network's image where the file leaves it open")
+            Parameter::integer("height", 256, "height of the network's image if the file leaves it open")
                 .range(1.0, 4096.0)
                 .unit("px"),
         )

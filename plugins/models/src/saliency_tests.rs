@@ -1,13 +1,13 @@
-//! Tests of the methods on small networks whose answer is known, and on the real one where it is at hand.
+//! Tests of the methods on small networks whose answer is known, and on the real one if it is at hand.
 
 use std::time::Instant;
 
 use pdk_onnx::testing::{Setting, Sketch};
 use pdk_onnx::{Tensor, model};
 use pdk_sdk::prelude::*;
+use pdk_sdk::saliency;
 use pdk_sdk::seed::Key;
 use pdk_sdk::serde_json::{Value, json};
-use pdk_sdk::testing::check_saliency;
 use tempfile::NamedTempFile;
 
 use crate::fixture;
@@ -94,9 +94,9 @@ fn finds<M: Component + Saliency + 'static>(more: Value) {
             let (left, right) = sides(&values, width);
             assert!(right > 0.5 && right > 2.0 * left, "{name} on {engine}: left {left}, right {right}");
         }
-        let checked = check_saliency(&config::<M>(&file, more.clone()).unwrap(), &mut |config| {
-            Ok(Box::new(M::new(config)?) as Box<dyn Saliency>)
-        });
+        let config = config::<M>(&file, more.clone()).unwrap();
+        let checked =
+            saliency::check(&M::description(), &config, &mut |config| Ok(Box::new(M::new(config)?)));
         checked.unwrap_or_else(|error| panic!("{name} on {engine}: {error}"));
     }
 }

@@ -141,7 +141,7 @@ impl Clip {
             Content::Video(Container::Other(name)) => self.through_ffmpeg(name),
             Content::Unknown if !head.is_empty() => self.through_ffmpeg("of an unknown kind"),
             Content::Unknown => Err(Error::new("the file is empty")),
-            Content::Text => Err(Error::new("it is a text file and no video, whatever its name says")),
+            Content::Text => Err(Error::new("it is a text file, not a video, whatever its name says")),
         }
     }
 

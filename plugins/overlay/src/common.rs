@@ -38,7 +38,7 @@ pub fn with_motion(description: Description, ends: [&str; 3]) -> Description {
         .drawn_per_sequence("where in the clip it starts")
         .divergence(
             "The clip runs in simulation time, whatever the rate of the frames, and between two of its pictures both are mixed, or the nearest is \
-             shown where it has 50 a second or more; the published code goes on by one picture a frame.",
+             shown if it has 50 a second or more; the published code goes on by one picture a frame.",
         )
         .parameter(fit())
         .parameter(Parameter::choice(
@@ -48,7 +48,7 @@ pub fn with_motion(description: Description, ends: [&str; 3]) -> Description {
              it starts again",
         ))
         .parameter(
-            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of it where the clip follows that")
+            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's speed, what that makes of it")
                 .range(0.0, 1000.0)
                 .unit("Hz"),
         )

@@ -40,7 +40,7 @@ impl Component for Overlay {
                 "colour of the screen, such as #05c142; `auto` or nothing: found in the clip",
             ))
             .parameter(
-                Parameter::number("seconds", 30.0, "what the clip has beyond this length is not used")
+                Parameter::number("seconds", 30.0, "how much of the clip is used at most")
                     .range(0.01, 3600.0)
                     .unit("s"),
             )

@@ -156,7 +156,7 @@ impl Samples {
     }
 
     /// Chroma is interpolated to the size of luma. Its samples lie on the even columns, halfway between two rows, which is
-    /// what H.264 means where it says nothing.
+    /// what H.264 means if it says nothing.
     fn fill_enlarged(&mut self, picture: &Picture) {
         let (width, height) = (picture.width, picture.height);
         let (chroma_width, chroma_height) = (width.div_ceil(2), height.div_ceil(2));

@@ -17,7 +17,7 @@ use crate::file;
 use crate::frames::Frames;
 use crate::picture::{Layout, Picture};
 
-/// Pictures a second where nothing says how many: in a folder, or in a clip whose pictures have no duration.
+/// Pictures a second if nothing says how many: in a folder, or in a clip whose pictures have no duration.
 const RATE: f64 = 30.0;
 /// The endings of the pictures in a folder.
 pub const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "webp", "gif"];

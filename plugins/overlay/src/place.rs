@@ -1,4 +1,4 @@
-//! Where a clip lies that follows a saliency map.
+//! The place of a clip that follows a saliency map.
 
 /// The middle of what a map marks, in pixels right of and below the middle of the frame: the mean of all places by their squared
 /// values, so that faint ones hardly count. A map that marks nothing has its middle in that of the frame.

@@ -45,7 +45,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// How many seconds of the clip have passed at a time, where the vehicle has driven this many metres; where that is not known,
+    /// How many seconds of the clip have passed at a time, where the vehicle has driven this many metres; if that is not known,
     /// it drives at the clip's speed.
     fn passed(self, time: f64, travelled: Option<f64>) -> f64 {
         let driven = travelled.map_or(time, |metres| metres / self.speed);
@@ -179,7 +179,7 @@ pub struct Shown {
     pub weight: u16,
 }
 
-/// What is shown of a store at a time, in seconds, when the vehicle has driven this many metres, where that is known: between two
+/// What is shown of a store at a time, in seconds, when the vehicle has driven this many metres, if that is known: between two
 /// frames of the clip both, so that it moves evenly at any rate of frames. Of a clip with [`FAST`] frames a second or more it is the
 /// nearest one: that is even enough, and what is mixed shows fast things twice.
 pub fn frame_at(

@@ -29,7 +29,7 @@ const ROUNDING: f64 = 0.001;
 /// How a clip is prepared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// The screen's colour; found where there is none, and known of clips of pdk's own.
+    /// The screen's colour; found if there is none, and known of clips of pdk's own.
     pub key: Option<[u8; 3]>,
     /// How the clip is fitted to the frame.
     pub fit: Fit,
@@ -60,7 +60,7 @@ pub fn check(clip: &Clip, settings: &Settings, folder: &Path) -> Result<()> {
     cache::find_or_create(&note, noted, |_| matte(clip, settings).map(drop)).place(clip)
 }
 
-/// Opens the store of a clip at one size, and makes it first where there is none or it is damaged. `hash` is the clip's.
+/// Opens the store of a clip at one size, and makes it first if there is none or it is damaged. `hash` is the clip's.
 /// Other clips and sizes can be made at the same time; who wants the same one waits for it.
 ///
 /// # Errors

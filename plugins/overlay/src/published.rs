@@ -203,7 +203,7 @@ pub fn describe_moving(description: Description, clip: &str) -> Description {
     let description = with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"]);
     let description = match shows(clip) {
         Shows::Falling { .. } => description.divergence(
-            "Unless `rate` is set, the clip runs as fast as the vehicle drives, where that is known: it is drawn for 10 m/s, and a share \
+            "Unless `rate` is set, the clip runs as fast as the vehicle drives, if that is known: it is drawn for 10 m/s, and a share \
              of its motion goes on when the vehicle stands.",
         ),
         _ => description,

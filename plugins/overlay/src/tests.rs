@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use image::codecs::gif::GifEncoder;
 use image::{Delay, Rgba, RgbaImage};
 use pdk_sdk::config::frame_values;
+use pdk_sdk::perturbation::check;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
-use pdk_sdk::testing::{check_perturbation, sample_frame};
+use pdk_sdk::testing::sample_frame;
 use pdk_video::mp4::{Indexed, Mp4, index};
 use pdk_video::{Opened, Reader, Yuv420};
 
@@ -37,7 +38,7 @@ const SUN: &[u8] = include_bytes!("../../../scripts/overlays/sun.mp4");
 const GREEN: [u8; 4] = [0, 200, 30, 255];
 const PLAIN: Settings = Settings { key: None, fit: Fit::Cover, seconds: 30.0 };
 
-/// A recording of the test data, where there is one.
+/// A recording of the test data, if there is one.
 fn recording(name: &str) -> Option<PathBuf> {
     let data = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)
@@ -50,7 +51,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     Some(file)
 }
 
-/// The first `frames` frames of a clip of one scene, again and again where it has fewer.
+/// The first `frames` frames of a clip of one scene, again and again if it has fewer.
 fn remuxed(clip: &[u8], frames: u32) -> Vec<u8> {
     let size = clip.len() as u64;
     let Indexed::Own(index) = index(&mut Cursor::new(clip), size).unwrap() else { panic!("another codec") };
@@ -167,7 +168,7 @@ fn a_clip_of_the_user_keeps_the_rules_of_perturbations() {
         let description = Overlay::description();
         let config = Config::check(&description, given.as_object().unwrap()).unwrap();
         let mut make = |config: &Config| Ok(Box::new(Overlay::new(config)?) as Box<dyn Perturbation>);
-        check_perturbation(&description, &config, &mut make).unwrap();
+        check(&description, &config, &mut make).unwrap();
     }
 }
 
@@ -373,7 +374,7 @@ fn the_square_of_a_clip_lies_where_it_belongs_and_the_screen_is_gone() {
 fn a_file_that_is_not_a_clip_is_rejected_in_one_sentence() {
     assert_eq!(
         refusal("a.mp4", b"Dear diary,\ntoday"),
-        "it is a text file and no video, whatever its name says"
+        "it is a text file, not a video, whatever its name says"
     );
     assert_eq!(refusal("a.mp4", b""), "the file is empty");
     assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is not a green-screen clip: "));

@@ -68,7 +68,7 @@ impl Component for CannyEdgesMapping {
     }
 }
 
-/// Both thresholds, where they are in order.
+/// Both thresholds, if they are in order.
 fn thresholds(low: f64, high: f64) -> Result<(f64, f64)> {
     if low <= high {
         return Ok((low, high));

@@ -64,7 +64,7 @@ pub struct Logo {
 }
 
 impl Logo {
-    /// Draws the logo `width` x `height` pixels large, whatever its aspect; nothing happens where it has this size already.
+    /// Draws the logo `width` x `height` pixels large, whatever its aspect; nothing happens if it has this size already.
     /// A pixel is the mean of two by two places, and belongs to the logo where two of them do.
     pub fn draw(&mut self, width: usize, height: usize) {
         if (self.width, self.height) == (width, height) {

@@ -43,7 +43,7 @@ impl Options {
                 Parameter::number(
                     "start_seconds",
                     45.0,
-                    "how long it may take for the first answer; where that is 60 s or more, pdk's own `patience` has to be raised with it",
+                    "how long it may take for the first answer; if that is 60 s or more, raise pdk's own `patience` too",
                 )
                     .range(0.01, 3600.0)
                     .unit("s"),

@@ -25,7 +25,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// This many cells over these variables of a domain, or one for each of their values where these are fewer.
+    /// This many cells over these variables of a domain, or one for each of their values if these are fewer.
     pub fn new(domain: &Domain, features: &[usize], wanted: usize, random: &mut Random) -> Self {
         let mut cells = Self { features: features.to_vec(), centres: Vec::new() };
         let draw = |_| cells.shares(domain, &domain.settle(domain.draw(domain.bounds(), random)));
@@ -63,7 +63,7 @@ impl Cells {
         self.features.iter().map(share).collect()
     }
 
-    /// Of equally near ones the first.
+    /// The nearest one, and the first of several that are equally near.
     fn nearest(&self, domain: &Domain, shares: &[f64]) -> usize {
         let mut best = (f64::INFINITY, 0);
         for (number, centre) in self.centres.iter().enumerate() {

@@ -32,7 +32,7 @@ impl Forest {
         Self { trees: (0..trees).map(grow).collect() }
     }
 
-    /// What the value at a position is likely to be, and the standard deviation of what the trees say.
+    /// The predicted value at a position, and the standard deviation of the trees' predictions.
     pub fn predict(&self, x: &[f64]) -> (f64, f64) {
         let (mut sum, mut squares) = (0.0, 0.0);
         for nodes in &self.trees {

@@ -29,7 +29,7 @@ impl Rule for Grid {
                 Parameter::integer(
                     "steps",
                     0,
-                    "values a variable has on the grid, or all it has where these are fewer; 0: as many as the evaluations \
+                    "values a variable has on the grid, or all it has if these are fewer; 0: as many as the evaluations \
                      of the search allow",
                 )
                 .range(0.0, MOST as f64),
@@ -97,7 +97,7 @@ fn count(domain: &Domain, variable: usize, steps: u64) -> u64 {
     domain.space().variables[variable].range.size().map_or(steps, |size| size.min(steps))
 }
 
-/// Positions from one end of a variable's range to the other; its middle where there is only one.
+/// Positions from one end of a variable's range to the other; its middle if there is only one.
 fn spaced(domain: &Domain, variable: usize, steps: u64) -> Vec<f64> {
     let (low, high) = domain.bounds()[variable];
     let count = count(domain, variable, steps);

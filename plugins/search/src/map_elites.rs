@@ -161,7 +161,7 @@ impl MapElites {
         order.then(quality(point).total_cmp(&quality(other))).is_lt()
     }
 
-    /// Puts a point on the map where it is better than what is there.
+    /// Puts a point on the map if it is better than what is there.
     fn enter(&mut self, domain: &Domain, point: &Point) {
         if point.violation.is_infinite() {
             return;

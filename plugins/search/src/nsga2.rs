@@ -118,7 +118,7 @@ pub fn initial(domain: &Domain, n: usize, seen: &mut Seen, random: &mut Random) 
     population
 }
 
-/// A new position within a region, and, where none is found, a known one.
+/// A new position within a region, and, if none is found, a known one.
 pub fn draw_new(domain: &Domain, region: &Region, seen: &mut Seen, random: &mut Random) -> Vec<f64> {
     let mut x = Vec::new();
     for _ in 0..DRAWS {

@@ -37,7 +37,7 @@ impl Candidate {
 }
 
 impl Pool {
-    /// Adds new positions: near some positions, or drawn from the whole space where there are none.
+    /// Adds new positions: near some positions, or drawn from the whole space if there are none.
     pub fn fill(
         &mut self,
         domain: &Domain,

@@ -154,7 +154,7 @@ impl Published {
         offspring
     }
 
-    /// The points of each critical region, the next one last; the best so far where there is none.
+    /// The points of each critical region, the next one last; the best so far if there is none.
     fn critical_regions(&self, domain: &Domain) -> Vec<Vec<Point>> {
         let all: Vec<&Point> = self.all.iter().collect();
         let tree = Tree::new(domain.space(), &all, PUBLISHED);

@@ -36,7 +36,7 @@ pub trait Rule: Sized + Send {
     fn start(&mut self, problem: &Problem, domain: &Domain) -> Result<()>;
 
     /// The next candidate, after `proposed` earlier ones, of which the first have been evaluated. It may use as many of these
-    /// results as it likes, but always as many for this candidate: it waits where they are fewer, and leaves out what is more.
+    /// results as it likes, but always as many for this candidate: it waits if they are fewer, and leaves out what is more.
     fn next(&mut self, domain: &Domain, random: &mut Random, proposed: usize, told: &[Point]) -> Next;
 }
 

@@ -35,7 +35,7 @@ const MOST_RESULTS: usize = 800;
 const BEST: usize = 12;
 /// What room is worth to a candidate that is sought, beside what the model promises.
 const ROOM: f64 = 0.03;
-/// Critical candidates are of different kinds where they are farther apart than this: see [`Space::distance`].
+/// Critical candidates are of different kinds if they are farther apart than this: see [`Space::distance`].
 const KIND: f64 = 0.1;
 /// What is nearer than this to a critical candidate belongs to a region that is known.
 const CLEAR: f64 = 0.1;
@@ -47,7 +47,7 @@ const DRAWS: usize = 4;
 const COMPARED: usize = 100;
 /// How likely what was sought is better than what was drawn where something leads somewhere.
 const LEADS: f64 = 0.75;
-/// The share of candidates that are drawn where nothing does.
+/// The share of candidates that are drawn if nothing does.
 const MOST_EXPLORATION: f64 = 0.85;
 
 /// See the [module](self).

@@ -73,7 +73,8 @@ pub fn check<R: Rule + 'static>(parameters: &[(&str, Value)]) {
     let given: Map<String, Value> =
         parameters.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
     let config = Config::check(&R::description(), &given).unwrap();
-    pdk_sdk::testing::check_search(&config, &mut |config| Ok(Box::new(Strategy::<R>::new(config)?))).unwrap();
+    let mut make = |config: &Config| Ok(Box::new(Strategy::<R>::new(config)?) as Box<dyn Search>);
+    pdk_sdk::search::check(&R::description(), &config, &mut make).unwrap();
 }
 
 #[test]

@@ -208,7 +208,7 @@ mod tests {
         }
         let mean = sum / f64::from(count);
         assert!((mean - 0.5).abs() < 0.005, "{mean}");
-        // As often between the parents as beyond them, where there is a crossover at all.
+        // As often between the parents as beyond them, if there is a crossover at all.
         assert!(outside > 5_000 && outside < 30_000, "{outside}");
     }
 

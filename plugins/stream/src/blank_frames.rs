@@ -1,8 +1,7 @@
 //! Blank frames: frames that are lost arrive as an even picture.
 
+use pdk_sdk::bursts;
 use pdk_sdk::prelude::*;
-
-use crate::bursts;
 
 /// Shows an even picture in place of frames that are lost.
 pub struct BlankFrames;
@@ -20,10 +19,15 @@ impl Component for BlankFrames {
         .mathematics("frame(t) = brightness if t is lost")
         .drawn_per_frame("whether a burst of lost frames begins, and its length")
         .source("Burst losses as in Gilbert, Capacity of a burst-noise channel (1960)");
-        bursts::described(description, [0.05, 0.1, 0.2, 0.3, 0.5], [1.0, 1.5, 2.0, 3.0, 5.0]).parameter(
-            Parameter::integer("brightness", 0, "grey of the picture that is shown: 0 is black, 255 white")
+        bursts::described(description, "frames", [0.05, 0.1, 0.2, 0.3, 0.5], [1.0, 1.5, 2.0, 3.0, 5.0])
+            .parameter(
+                Parameter::integer(
+                    "brightness",
+                    0,
+                    "grey of the picture that is shown: 0 is black, 255 white",
+                )
                 .range(0.0, 255.0),
-        )
+            )
     }
 
     fn new(_config: &Config) -> Result<Self> {

@@ -1,8 +1,7 @@
 //! Frozen frames: the stream stalls, and the driver is shown the last frame that arrived.
 
+use pdk_sdk::bursts;
 use pdk_sdk::prelude::*;
-
-use crate::bursts;
 
 /// Repeats the last frame that arrived in place of those that are lost.
 pub struct FrozenFrames;
@@ -21,7 +20,7 @@ impl Component for FrozenFrames {
         .mathematics("frame(t) = frame(last t' <= t that is not lost)")
         .drawn_per_frame("whether a burst of lost frames begins, and its length")
         .source("Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); frozen frames are among the camera failures of Secci and Ceccarelli, On failures of RGB cameras and their effects in autonomous driving applications (2020)");
-        bursts::described(description, [0.1, 0.2, 0.35, 0.5, 0.7], [2.0, 4.0, 6.0, 10.0, 16.0])
+        bursts::described(description, "frames", [0.1, 0.2, 0.35, 0.5, 0.7], [2.0, 4.0, 6.0, 10.0, 16.0])
     }
 
     fn new(_config: &Config) -> Result<Self> {

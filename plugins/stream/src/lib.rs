@@ -4,7 +4,6 @@
 //! looked like is in the history that pdk hands over.
 
 mod blank_frames;
-mod bursts;
 mod delayed_frames;
 mod frozen_frames;
 mod ghosting;

@@ -49,7 +49,7 @@ impl Visitor {
         let mut part = [0; 4096];
         loop {
             match self.stream.read(&mut part) {
-                Ok(0) => return Err("it has hung up".to_owned()),
+                Ok(0) => return Err("it closed the connection".to_owned()),
                 Ok(count) => self.said.extend(&part[..count]),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return self.request(),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}

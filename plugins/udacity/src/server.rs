@@ -36,7 +36,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens, starts the simulator where that is to be done, and waits until it has connected.
+    /// Listens, starts the simulator if that is to be done, and waits until it has connected.
     ///
     /// # Errors
     /// If the port is taken, the simulator ends, or none connects in time.
@@ -89,7 +89,7 @@ impl Server {
         }
     }
 
-    /// Looks at the next packet that is of use where it has come already.
+    /// Looks at the next packet that is of use if it has come already.
     ///
     /// # Errors
     /// If the simulator is gone, or it is not a packet.
@@ -167,7 +167,7 @@ impl Server {
 
     fn packet<'a>(&mut self, text: &'a str) -> Result<Packet<'a>> {
         match event::read(text) {
-            Ok(Packet::Close) => Err(self.lost("has hung up")),
+            Ok(Packet::Close) => Err(self.lost("closed the connection")),
             Ok(packet) => Ok(packet),
             Err(clause) => Err(self.nonsense(&clause)),
         }
@@ -210,13 +210,13 @@ impl Server {
         use tungstenite::error::ProtocolError::ResetWithoutClosingHandshake;
         match error {
             tungstenite::Error::ConnectionClosed | tungstenite::Error::AlreadyClosed => {
-                self.lost("has hung up")
+                self.lost("closed the connection")
             }
             tungstenite::Error::Protocol(ResetWithoutClosingHandshake) => {
-                self.lost("has hung up without a word, maybe in the middle of a message")
+                self.lost("closed the connection, maybe in the middle of a message")
             }
             tungstenite::Error::Io(error) => {
-                self.lost(&format!("is gone ({error}); look whether it still runs"))
+                self.lost(&format!("is gone ({error}); check whether it still runs"))
             }
             tungstenite::Error::Capacity(_) => {
                 self.nonsense(&format!("a message of more than {LONGEST} bytes"))

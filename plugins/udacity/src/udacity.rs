@@ -18,7 +18,7 @@ use crate::server::Server;
 const AT_START: f64 = 2.0;
 /// Telemetry in which it has to stand, one after the other.
 const STANDING_FRAMES: u32 = 3;
-/// Where the vehicle of the road-generating build starts, in its coordinates, where it does not say that itself.
+/// Where the vehicle of the road-generating build starts, in its coordinates, if it does not say that itself.
 const START: [f64; 3] = [125.0, 1.9, 25.0];
 /// Slower than this the stock build is not braked, in metres a second: braking at rest means to drive backwards there.
 const BRAKED: f64 = 1.0;
@@ -58,7 +58,7 @@ struct Telemetry {
     cross_track_error: Option<f64>,
     position: Option<[f64; 3]>,
     hit: Hit,
-    /// The road that is there, where it says so.
+    /// The road that is there, if it says so.
     track: Option<String>,
     /// Whether it has nothing that only the road-generating build tells.
     stock: bool,
@@ -156,7 +156,7 @@ fn not_started() -> Error {
 }
 
 impl Udacity {
-    /// The connection, made anew where there is none, or the simulator has hung up since the last scenario.
+    /// The connection, made anew if there is none, or the simulator has closed it since the last scenario.
     fn connected(&mut self, slot: u32) -> Result<Link> {
         let kept = self.link.take().filter(|link| link.server.station.slot() == slot);
         let kept = kept.and_then(|mut link| link.forget_what_came().is_ok().then_some(link));
@@ -197,7 +197,7 @@ impl Link {
         let first = self.telemetry(options, &deadline)?;
         if first.stock && options.build == Build::RoadGenerating {
             return Err(mistake(format!(
-                "{} tells nothing of roads, so it is the stock build; set build=stock, or start the road-generating one",
+                "{} does not report roads, so it is the stock build; set build=stock, or start the road-generating one",
                 self.server.peer()
             )));
         }

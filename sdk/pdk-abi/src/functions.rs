@@ -5,6 +5,8 @@
 //! added later: a plugin of before does not have them, and the host gets `None`. The names of parameters are compared as well.
 //!
 //! Functions of an instance take its object first, and last the sink for the sentence of an error. A function must not unwind.
+//!
+//! A kind of component is its line in [`each_kind!`](crate::each_kind), its function at the end of [`Plugin`], and its table.
 
 use core::ffi::c_void;
 
@@ -18,6 +20,37 @@ use crate::sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
     Position, Sink, State,
 };
+
+/// Calls a macro with all kinds of component, in the order in which they are listed for people and sorted in records. This is the one list of
+/// them: the two sides of the boundary, the test kit, and the functions of hosts are made from it.
+///
+/// The line of a kind has what its components do, the name of its trait, its name in lists and of its function in [`Plugin`], its name in
+/// `export!`, its table with the reference to that, and what one component and several are called.
+#[macro_export]
+macro_rules! each_kind {
+    ($then:ident) => {
+        $then! {
+            /// Changes a frame.
+            Perturbation perturbation perturbations: PerturbationFunctions PerturbationFunctionsRef,
+                "perturbation", "perturbations";
+            /// Renders frames and moves the vehicle.
+            Simulator simulator simulators: SimulatorFunctions SimulatorFunctionsRef, "simulator", "simulators";
+            /// Looks at a frame and steers.
+            Driver driver drivers: DriverFunctions DriverFunctionsRef, "driver", "drivers";
+            /// Says which pixels matter to a driver.
+            Saliency saliency saliencies: SaliencyFunctions SaliencyFunctionsRef,
+                "saliency method", "saliency methods";
+            /// Says where frames are to be perturbed.
+            Mask mask masks: MaskFunctions MaskFunctionsRef, "mask", "masks";
+            /// Proposes scenarios and learns from outcomes.
+            Search search searches: SearchFunctions SearchFunctionsRef, "search strategy", "search strategies";
+            /// Looks at a frame and gives values by name, such as scores of classes.
+            Predictor predictor predictors: PredictorFunctions PredictorFunctionsRef, "predictor", "predictors";
+            /// Reads recorded frames with their ground truth.
+            Dataset dataset datasets: DatasetFunctions DatasetFunctionsRef, "dataset reader", "dataset readers";
+        }
+    };
+}
 
 /// The functions of a plugin: one that describes it, and for each kind one that makes instances.
 ///
@@ -144,6 +177,22 @@ pub struct PerturbationFunctions {
         context: *const PerturbationContext,
         error: *const Sink,
     ) -> Status,
+    /// Writes what the driver gets in place of what `told` says.
+    pub observe: unsafe extern "C" fn(
+        object: *mut c_void,
+        told: *const DriveContext,
+        context: *const PerturbationContext,
+        into: *mut DriveContext,
+        error: *const Sink,
+    ) -> Status,
+    /// Writes what is applied to the vehicle in place of the driver's control.
+    pub actuate: unsafe extern "C" fn(
+        object: *mut c_void,
+        control: *const Control,
+        context: *const PerturbationContext,
+        into: *mut Control,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a simulator.
@@ -163,7 +212,7 @@ pub struct SimulatorFunctions {
         into: *mut State,
         error: *const Sink,
     ) -> Status,
-    /// Writes what the camera sees now, and tells the state that belongs to it.
+    /// Writes what the camera sees now, and returns the state that belongs to it.
     pub frame: unsafe extern "C" fn(
         object: *mut c_void,
         target: *const FrameMut,

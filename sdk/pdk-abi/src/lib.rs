@@ -28,12 +28,7 @@ mod sized;
 
 pub use abi_stable;
 pub use fixed::{Status, Text, annotation, status, way};
-pub use functions::{
-    DatasetFunctions, DatasetFunctionsRef, DriverFunctions, DriverFunctionsRef, Instance, MaskFunctions,
-    MaskFunctionsRef, PerturbationFunctions, PerturbationFunctionsRef, Plugin, PluginRef, PredictorFunctions,
-    PredictorFunctionsRef, SaliencyFunctions, SaliencyFunctionsRef, SearchFunctions, SearchFunctionsRef,
-    SimulatorFunctions, SimulatorFunctionsRef,
-};
+pub use functions::*;
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,

@@ -58,11 +58,11 @@ sized! {
         pub values: *const f64,
         /// How many there are.
         pub values_length: usize,
-        /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; null where there is no such map.
+        /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; null if there is no such map.
         pub saliency: *const f32,
         /// The number of its values.
         pub saliency_length: usize,
-        /// The saliency maps of the sequence so far, the oldest first: since when each was in use, in seconds; null where there are none.
+        /// The saliency maps of the sequence so far, the oldest first: since when each was in use, in seconds; null if there are none.
         pub earlier_times: *const f64,
         /// How many there are.
         pub earlier_length: usize,
@@ -72,7 +72,7 @@ sized! {
         pub earlier_width: usize,
         /// Rows of each.
         pub earlier_height: usize,
-        /// How far the vehicle has driven since the start of the sequence, in metres; not a number where it is not known.
+        /// How far the vehicle has driven since the start of the sequence, in metres; not a number if it is not known.
         pub travelled: f64,
         /// Earlier frames of the sequence, in slots that are used in turn: slot after slot, each as large as a frame and laid out without
         /// gaps; null if there are none.
@@ -91,6 +91,22 @@ sized! {
         pub history_width: usize,
         /// Rows of each.
         pub history_height: usize,
+        /// How long a frame lasts at the camera's rate, in seconds; 0 where it is not known.
+        pub period: f64,
+        /// The numbers of the frames before this one at which signals passed, the oldest first; null if there are none.
+        pub signal_indices: *const u64,
+        /// How many there are.
+        pub signals_length: usize,
+        /// The time of each, in seconds since the start of the sequence.
+        pub signal_times: *const f64,
+        /// What the perturbation was given at each: two numbers, steering and throttle or time and speed.
+        pub signals_given: *const f64,
+        /// What it made of them.
+        pub signals_passed: *const f64,
+        /// How far away each pixel is along the optical axis in metres, row by row; null where that is not known or not asked for.
+        pub depth: *const f32,
+        /// The number of its values.
+        pub depth_length: usize,
     }
 
     /// Size and rate of a simulator's camera.
@@ -117,7 +133,7 @@ sized! {
         pub cross_track_error: f64,
         /// The share of the road that has been driven, 0 to 1.
         pub progress: f64,
-        /// Free distance to the vehicle ahead in metres; infinite where there is none.
+        /// Free distance to the vehicle ahead in metres; infinite if there is none.
         pub vehicle_ahead: f64,
         /// The sum of those numbers of [`state_flag`] that apply.
         pub flags: u64,
@@ -137,7 +153,7 @@ sized! {
         pub frame_index: u64,
         /// Simulation time in seconds since the start of the sequence.
         pub time: f64,
-        /// The vehicle's speed in metres per second; not a number where it is not known.
+        /// The vehicle's speed in metres per second; not a number if it is not known.
         pub speed: f64,
     }
 
@@ -157,7 +173,7 @@ sized! {
         pub time: f64,
         /// The origin of all random numbers of the instance.
         pub key: [u8; 32],
-        /// The vehicle's speed in metres per second; not a number where it is not known.
+        /// The vehicle's speed in metres per second; not a number if it is not known.
         pub speed: f64,
         /// The sum of those numbers of [`map_flag`] that apply.
         pub flags: u64,
@@ -195,7 +211,7 @@ sized! {
         pub part: u64,
         /// Its number in that part, as it was recorded.
         pub number: u64,
-        /// Seconds since the first frame of the recording; not a number where it is not known.
+        /// Seconds since the first frame of the recording; not a number if it is not known.
         pub time: f64,
     }
 }

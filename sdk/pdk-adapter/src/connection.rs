@@ -134,7 +134,7 @@ impl Connection {
         }
     }
 
-    /// The length of the line at the start, where it is whole.
+    /// The length of the line at the start, if it is whole.
     fn whole_line(&mut self) -> Option<usize> {
         let there = &self.buffer[self.start..self.end];
         let found = memchr::memchr(b'\n', &there[self.searched..]).map(|place| place + self.searched);
@@ -206,7 +206,7 @@ impl Connection {
     fn gone(&self, error: &io::Error) -> Error {
         Error::of(
             ErrorKind::Lost,
-            format!("the connection to {} is gone ({error}); look whether it still runs", self.peer),
+            format!("the connection to {} is gone ({error}); check whether it still runs", self.peer),
         )
     }
 }

@@ -95,7 +95,7 @@ impl Launched {
         Ok(Self { what, command: command_line(words), child, _leash: leash, said })
     }
 
-    /// Says that it has ended, where it has.
+    /// Says that it has ended, if it has.
     ///
     /// # Errors
     /// How it ended, and what it wrote last.
@@ -181,7 +181,7 @@ fn last_lines(text: &str) -> String {
     kept.join(" / ")
 }
 
-/// Whether a program can be started: a file where it is a path, else one in a folder of `PATH`.
+/// Whether a program can be started: a file if it is a path, else one in a folder of `PATH`.
 fn is_there(program: &str) -> bool {
     if program.contains('/') {
         return Path::new(program).is_file();

@@ -61,8 +61,7 @@ impl Settings {
                 Parameter::number(
                     "start_seconds",
                     START_SECONDS,
-                    "how long the simulator may take until it is ready; where that is 60 s or more, pdk's own `patience` has to be raised \
-                     with it",
+                    "how long the simulator may take until it is ready; if that is 60 s or more, raise pdk's own `patience` too",
                 )
                     .range(0.1, 3600.0)
                     .unit("s"),

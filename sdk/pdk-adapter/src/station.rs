@@ -82,7 +82,7 @@ impl Station {
         Ok(())
     }
 
-    /// Says that the simulator has ended, where it was started here and has.
+    /// Says that the simulator has ended, if it was started here and has.
     ///
     /// # Errors
     /// How it ended, and what it wrote last.
@@ -139,7 +139,7 @@ impl Station {
         }
     }
 
-    /// Starts the simulator where that is to be done, and connects to it as soon as it listens. `offset` is added to the port, for
+    /// Starts the simulator if that is to be done, and connects to it as soon as it listens. `offset` is added to the port, for
     /// simulators with several.
     ///
     /// # Errors
@@ -177,7 +177,7 @@ impl Station {
         })
     }
 
-    /// Listens for a simulator that connects to pdk, and starts it where that is to be done. The listener does not block.
+    /// Listens for a simulator that connects to pdk, and starts it if that is to be done. The listener does not block.
     ///
     /// # Errors
     /// If the port is taken, or the simulator cannot be started.

@@ -5,7 +5,7 @@ use pdk_sdk::prelude::{Error, Result};
 
 /// The path is divided into pieces of this length in metres.
 const STEP: f64 = 0.25;
-/// How far from its last place along the road the vehicle is looked for, in metres, where it did not move farther: so a road that comes
+/// How far from its last place along the road the vehicle is looked for, in metres, if it did not move farther: so a road that comes
 /// close to itself is never mistaken for another part of it.
 const SEARCH: f64 = 10.0;
 /// The end of the road counts as reached this many metres before it: positions come now and then only.

@@ -186,7 +186,7 @@ fn within<T: Send + 'static>(
     std::thread::Builder::new()
         .name("pdk-bus".into())
         .spawn(move || {
-            // Fails where it was too late.
+            // Fails if it was too late.
             let _ = sender.send(work());
         })
         .map_err(|error| {

@@ -11,7 +11,7 @@
 //! # Where a bus lies
 //!
 //! Each bus has a folder of its own, its root: `<base>/<run>/<slot>-<random>/`. The base is [`BASE_VARIABLE`],
-//! else `pdk` in `$XDG_RUNTIME_DIR` where that is this user's, else `/dev/shm/pdk-<user number>`; it should lie in
+//! else `pdk` in `$XDG_RUNTIME_DIR` if that is this user's, else `/dev/shm/pdk-<user number>`; it should lie in
 //! memory, as iceoryx2 waits for the disk often. All of it is for this user alone, so users do not meet. All files of the bus in `/dev/shm` begin with `pdk_<random>_`. So no bus
 //! can block or damage another, whatever state it was left in.
 //!

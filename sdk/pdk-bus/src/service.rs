@@ -50,7 +50,7 @@ pub(crate) trait Payload: Debug + IceoryxSend + 'static {
     /// Creates the topic.
     fn create(node: &Node<Ipc>, name: &ServiceName) -> Result<TopicService<Self>>;
 
-    /// Opens the topic; `None` where it is not there, or not there yet.
+    /// Opens the topic; `None` if it is not there, or not there yet.
     fn open(node: &Node<Ipc>, name: &ServiceName) -> Result<Option<TopicService<Self>>>;
 }
 

@@ -135,7 +135,7 @@ impl Tap {
         self.lost
     }
 
-    /// The oldest message that waits; where none does, waits for one up to `timeout`. `None` after that.
+    /// The oldest message that waits; if none does, waits for one up to `timeout`. `None` after that.
     ///
     /// # Errors
     /// If the caller holds two frames already, or the next loop in this slot cannot be tapped.
@@ -175,7 +175,7 @@ impl Tap {
         Ok(!self.link.is_alive() && find(&self.base, Some(&self.run), self.slot)?.is_none())
     }
 
-    /// Goes over to the next loop in this slot where there is one, unless a message of the old one is left.
+    /// Goes over to the next loop in this slot if there is one, unless a message of the old one is left.
     fn follow(&mut self) -> Result<Option<Message>> {
         self.looked = Instant::now();
         if self.link.is_alive() {

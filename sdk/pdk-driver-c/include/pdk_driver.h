@@ -36,7 +36,7 @@ typedef struct pdk_frame {
  * pdk_driver_error. */
 pdk_driver *pdk_driver_open(const char *folder);
 
-/* Waits for the next frame. 1 where there is one, 0 where pdk is done, -1 where something fails: see pdk_driver_error. */
+/* Waits for the next frame. 1 if there is one, 0 if pdk is done, -1 if something fails: see pdk_driver_error. */
 int pdk_driver_next(pdk_driver *driver, pdk_frame *frame);
 
 /* Answers the frame: steering from -1 (left) to 1 (right), throttle from -1 (brake) to 1. 1, or -1 where something fails. */

@@ -226,7 +226,7 @@ pub unsafe extern "C" fn pdk_driver_open(folder: *const c_char) -> *mut pdk_driv
     opened.map_or(std::ptr::null_mut(), |driver| Box::into_raw(Box::new(driver)))
 }
 
-/// Waits for the next frame: 1 where there is one, 0 where pdk is done, -1 where something fails.
+/// Waits for the next frame: 1 if there is one, 0 if pdk is done, -1 if something fails.
 ///
 /// # Safety
 /// Both are those of this library, and not used by another thread at the same time.

@@ -51,7 +51,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     Ok((image.into(), orientation(&decoder)))
 }
 
-/// Decodes a file into a frame, where it is one of its size that needs no more; whether it was.
+/// Decodes a file into a frame, if it is one of its size that needs no more; whether it was.
 pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
     let (mut decoder, width, height) = read(bytes)?;
     let size = (width as usize, height as usize);

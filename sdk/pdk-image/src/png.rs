@@ -157,7 +157,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     Ok((image, orientation))
 }
 
-/// Decodes a file into a frame, where it is one of its size that needs no more; whether it was. If not, the frame may hold anything.
+/// Decodes a file into a frame, if it is one of its size that needs no more; whether it was. If not, the frame may hold anything.
 pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
     let (mut reader, length) = read(bytes)?;
     let (size, kind) = (reader.info().size(), reader.output_color_type());

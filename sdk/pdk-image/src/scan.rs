@@ -240,7 +240,7 @@ struct Scan {
     /// The first and the last coefficient that it has.
     first: usize,
     last: usize,
-    /// The lowest bit of the coefficients before this scan, 0 where it is their first, and behind it.
+    /// The lowest bit of the coefficients before this scan, 0 if it is their first, and behind it.
     high: u8,
     low: u8,
     progressive: bool,

@@ -41,7 +41,7 @@ pub struct Labelled {
     pub class: usize,
     /// Whether it is a crowd of objects: a detection in it counts neither as right nor as wrong.
     pub crowd: bool,
-    /// Its area in pixels, by which it belongs to a range of sizes: that of its outline, where that is known.
+    /// Its area in pixels, by which it belongs to a range of sizes: that of its outline, if that is known.
     pub area: f64,
 }
 

@@ -10,7 +10,7 @@ pub fn average_displacement(predicted: &[[f64; 2]], driven: &[[f64; 2]]) -> Opti
     })
 }
 
-/// The final displacement error: the distance of the last points. None as for [`average_displacement`].
+/// The final displacement error: the distance of the last points. Returns none in the same cases as [`average_displacement`].
 pub fn final_displacement(predicted: &[[f64; 2]], driven: &[[f64; 2]]) -> Option<f64> {
     let same = predicted.len() == driven.len();
     predicted.last().zip(driven.last()).filter(|_| same).map(|(a, b)| distance(a, b))

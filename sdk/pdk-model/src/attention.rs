@@ -54,7 +54,7 @@ impl Attention {
 
 /// How it is written.
 const FORM: &str = "has to be \"METHOD,model=FILE.onnx\", or { by = \"METHOD,model=FILE.onnx\" } with every or change, and \
-                    follow where they are wanted";
+                    follow if wanted";
 
 #[cfg(test)]
 mod tests {

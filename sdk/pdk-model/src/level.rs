@@ -13,7 +13,7 @@ pub use frames::{FrameLevels, MOST_FRAMES};
 pub const LEVELS: usize = 5;
 /// The highest intensity.
 pub const MAX_INTENSITY: f64 = (LEVELS - 1) as f64;
-/// The intensity where none is named: the middle of the scale.
+/// The intensity if none is named: the middle of the scale.
 pub const DEFAULT_LEVEL: f64 = MAX_INTENSITY / 2.0;
 
 /// An intensity: a number, or a course over simulation time. Times are seconds since the start of the scenario.
@@ -180,7 +180,7 @@ impl Level {
         }
     }
 
-    /// The level, where it is the same all the time.
+    /// The level, if it is the same all the time.
     pub fn constant(&self) -> Option<f64> {
         match self {
             Level::Constant(level) => Some(*level),

@@ -12,6 +12,7 @@ pub mod canonical;
 pub mod component;
 pub mod control;
 pub mod described;
+pub mod during;
 pub mod error;
 pub mod failure;
 pub mod level;

@@ -108,7 +108,7 @@ described! {
 }
 
 described! {
-    /// What is measured of a drive besides its end.
+    /// The measures of a drive besides how it ended.
     #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
     pub struct Measures {
         /// When a wheel was over the line for the first time, in seconds of simulation time.

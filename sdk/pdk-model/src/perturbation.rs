@@ -7,6 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::attention::Attention;
 use crate::component::{check_values, unfold, without_value};
+use crate::during::During;
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
 use crate::region::Region;
@@ -92,7 +93,7 @@ macro_rules! modifiers {
 const LEVEL: Modifier = Modifier {
     name: "level",
     doc: "Its intensity: any number from 0 to 4, or a course of such numbers over time in seconds.",
-    details: "A number may also stand behind the name: `NAME@2.5`.",
+    details: "A number may also follow the name: `NAME@2.5`.",
     examples: &[
         "2.5",
         r#"{"ramp":{"from":0,"to":4,"start":2,"end":10}}"#,
@@ -121,6 +122,17 @@ modifiers! {
         ],
         luau_type: "Region?",
         python: "Mapping[str, Any] | Sequence[float]",
+    }
+    during: During as "during", |name, value| placed(name, During::from_json(value)), "The part of the drive that is perturbed." {
+        details: "A span of time in seconds, of which `from` is in it and `to` is not, and a box in its frames as for `region`. What is left out does not \
+                  limit it. `except` is another such part, which is not perturbed.",
+        examples: &[
+            r#"{"from":2,"to":3.5}"#,
+            r#"{"to":3.5,"box":[0,0.5,1,1]}"#,
+            r#"{"except":{"from":2,"to":3.5,"box":[0,0.5,1,1]}}"#,
+        ],
+        luau_type: "During?",
+        python: "Mapping[str, Any]",
     }
     selection: Selection as "where", |name, value| placed(name, Selection::from_json(value)),
     "The pixels that are perturbed, by a saliency map of the frame as the camera saw it, by what they show, or by a mask." {
@@ -343,7 +355,7 @@ fn json(value: &impl Serialize) -> String {
 }
 
 /// The same without what users leave out: the fraction of a whole number, and the tables around a component's parameters, and around its
-/// name where it has none.
+/// name if it has none.
 fn as_written(value: Value) -> Value {
     match value {
         Value::Number(number) => match number.as_f64() {

@@ -67,7 +67,7 @@ pub enum Range {
         /// The list.
         values: Vec<Value>,
     },
-    /// One of a list in whose order nothing lies.
+    /// One of a list whose order has no meaning.
     Choice {
         /// The list.
         values: Vec<Value>,
@@ -105,7 +105,7 @@ pub struct Evaluated {
     /// Whether it shows what is searched for, such as a driver that fails.
     #[serde(default)]
     pub critical: bool,
-    /// Why there are no objectives, where there are none although it was to be evaluated.
+    /// Why there are no objectives, if there are none although it was to be evaluated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
 }
@@ -302,7 +302,7 @@ impl Range {
                 let mut seen = BTreeSet::new();
                 match values.iter().find(|value| !seen.insert(canonical(value))) {
                     _ if values.is_empty() => Err(mistake("the list of values is empty; name at least one")),
-                    Some(twice) => Err(mistake(format!("{twice} stands twice in the list of values"))),
+                    Some(twice) => Err(mistake(format!("{twice} occurs twice in the list of values"))),
                     None => Ok(()),
                 }
             }
@@ -417,7 +417,7 @@ mod tests {
             (json!({"name": "b", "type": "real", "min": -1e308, "max": 1e308}), "too large"),
             (json!({"name": "b", "type": "integer", "min": 0, "max": i64::MAX}), "within 2^53"),
             (json!({"name": "b", "type": "choice", "values": []}), "the list of values is empty"),
-            (json!({"name": "b", "type": "ordinal", "values": [1, 1.0]}), "stands twice"),
+            (json!({"name": "b", "type": "ordinal", "values": [1, 1.0]}), "occurs twice"),
         ] {
             let error = error(variable);
             assert!(error.contains(said), "{error}");

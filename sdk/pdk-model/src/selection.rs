@@ -175,7 +175,7 @@ pub(crate) fn component(kind: &str, key: &str, value: &Value) -> Result<Componen
 
 /// How a selection is written.
 const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom or above in place of top; { random = 20 }, { label = \"road\" }, \
-                    { farther = 20, nearer = 60 } or { mask = \"MASK\" }; and every or change, follow, close, smallest and soft where they are wanted";
+                    { farther = 20, nearer = 60 } or { mask = \"MASK\" }; and every or change, follow, close, smallest and soft if wanted";
 
 #[cfg(test)]
 mod tests {

@@ -36,7 +36,7 @@ pub struct State {
     pub cross_track_error: f64,
     /// The share of the road that has been driven, 0 to 1.
     pub progress: f64,
-    /// Free distance to the vehicle ahead in metres, bumper to bumper; infinite (in JSON: null) where there is none.
+    /// Free distance to the vehicle ahead in metres, bumper to bumper; infinite (in JSON: null) if there is none.
     #[serde(default = "free_road", with = "null_where_infinite")]
     pub vehicle_ahead: f64,
     /// The vehicle has left its lane.

@@ -86,7 +86,7 @@ impl<'de> Visitor<'de> for Reader {
         let mut values = Map::new();
         while let Some(key) = table.next_key::<String>()? {
             if values.contains_key(&key) {
-                return Err(A::Error::custom(format_args!("the key `{key}` is there twice; write it once")));
+                return Err(A::Error::custom(format_args!("the key `{key}` occurs twice; write it once")));
             }
             let Unique(value) = table.next_value()?;
             values.insert(key, value);
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(parse_value(whole).unwrap(), serde_json::from_str::<Value>(whole).unwrap());
         for text in [r#"{"a":1,"a":1}"#, r#"[{"b":{"a":1,"c":2,"a":3}}]"#, r#"{"a":1,"\u0061":2}"#] {
             let error = parse_value(text).unwrap_err().to_string();
-            assert!(error.contains("the key `a` is there twice; write it once"), "{error}");
+            assert!(error.contains("the key `a` occurs twice; write it once"), "{error}");
         }
         assert_eq!(parse_value(r#"{"a":1,"a"#).unwrap(), json!(r#"{"a":1,"a"#));
     }

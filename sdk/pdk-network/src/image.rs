@@ -48,138 +48,20 @@ pub(crate) fn find_image(
     described: &Described,
     reasons: &mut Vec<Reason>,
 ) -> Result<Image> {
-    let name = &port.name;
-    let shape = port.shape_text();
-    let element = port.element.name();
-    if !matches!(port.element, Element::Float32 | Element::Float16 | Element::Uint8 | Element::Int8) {
-        return Err(Error::new(format!(
-            "its input `{name}` is {element}, but has to be float32, float16, uint8 or int8"
-        )));
-    }
-    if let Some(asked) = described.dtype.filter(|_| described.element() != Some(port.element)) {
-        return Err(described.given.wrong(
-            "dtype",
-            format_args!("is {asked}, but the network's input `{name}` is {element}; leave it out, or export the network again"),
-        ));
-    }
-    let dims = port.dims();
-    let expected = "(1, channels, height, width) or (1, height, width, channels) with 1 or 3 channels, or a stack of such";
-    let wrong = |what: &str| {
-        Error::new(format!(
-            "its input `{name}` has the shape {shape}{what}, but has to be an image: {expected}"
-        ))
-    };
-    if !(4..=5).contains(&dims.len()) {
-        return Err(wrong(""));
-    }
-    if dims[0].is_some_and(|batch| batch != 1) {
-        return Err(wrong(", which takes several frames at once"));
-    }
-    let in_time = dims.len() == 5;
-    let slots_of = |frames: usize| frames - usize::from(described.differences == Differences::Only);
-    let stacked = if in_time { 1 } else { described.frames.map_or(1, slots_of) };
-    let counts: Vec<usize> = match described.color {
-        Some(color) => vec![color.channels() * stacked],
-        None => vec![stacked, 3 * stacked],
-    };
-    let is_channels = |axis: usize| dims[axis].is_some_and(|dim| counts.contains(&dim));
-    let layouts: Vec<&'static str> =
-        LAYOUTS.iter().copied().filter(|layout| layout.len() == dims.len()).collect();
-    let axis = |layout: &str, letter: char| layout.find(letter).unwrap_or_default();
-    let layout = match described.layout {
-        Some(layout) if layout.len() != dims.len() => {
-            return Err(described.given.wrong(
-                "layout",
-                format_args!("is {layout}, but the input `{name}` has the shape {shape}; leave it out"),
-            ));
-        }
-        Some(layout) if is_channels(axis(layout, 'c')) => layout,
-        Some(layout) => {
-            let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
-            return Err(described.given.wrong(
-                "layout",
-                format_args!(
-                    "is {layout}, but the input `{name}` has the shape {shape}, and its channels would have to be {}; correct `layout`, `color` or `frames`",
-                    counts.join(" or ")
-                ),
-            ));
-        }
-        None => {
-            let fitting: Vec<&'static str> =
-                layouts.iter().copied().filter(|layout| is_channels(axis(layout, 'c'))).collect();
-            match fitting.as_slice() {
-                [one] => *one,
-                [] => {
-                    let fields = ["frames", "color"];
-                    if let Some(field) = fields.into_iter().find(|field| described.given.get(field).is_some())
-                    {
-                        let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
-                        return Err(described.given.wrong(
-                            field,
-                            format_args!(
-                                "does not fit the input `{name}` with the shape {shape}: there would have to be {} channels; correct `frames` and `color`",
-                                counts.join(" or ")
-                            ),
-                        ));
-                    }
-                    let stack = match dims.as_slice() {
-                        [_, Some(2 | 4..=64), ..] | [.., Some(2 | 4..=64)] => {
-                            "; if it stacks frames, set `frames`"
-                        }
-                        _ => "",
-                    };
-                    return Err(Error::new(format!("{}{stack}", wrong("").message())));
-                }
-                _ => {
-                    return Err(Error::new(format!(
-                        "its input `{name}` has the shape {shape}, in which the channels may come first or last; set `layout` to {}",
-                        fitting.join(" or ")
-                    )));
-                }
-            }
-        }
-    };
-    because(
-        reasons,
-        "layout",
-        layout,
-        given(described, "layout").unwrap_or_else(|| format!("the shape is {shape}")),
-        false,
-    );
-    let channels_all = dims[axis(layout, 'c')].unwrap_or_default();
-    let (frames, slots) =
-        frames(dims.get(layout.find('t').unwrap_or(usize::MAX)).copied(), described, &shape, reasons)?;
-    let channels = if in_time { channels_all } else { channels_all / slots };
-    let mut sides = [0, 0];
-    for (side, (letter, given_size)) in sides.iter_mut().zip([
-        ('h', described.image_size.map(|size| size[1])),
-        ('w', described.image_size.map(|size| size[0])),
-    ]) {
-        *side = match (dims[axis(layout, letter)], given_size) {
-            (Some(fixed), Some(given)) if fixed != given => {
-                return Err(described.given.wrong(
-                    "image_size",
-                    format_args!(
-                        "is {:?}, but the input `{name}` has the shape {shape}; leave it out, or export the network with that size",
-                        described.image_size.unwrap_or_default()
-                    ),
-                ));
-            }
-            (Some(fixed), _) if fixed > MAX_SIDE => {
-                return Err(wrong(&format!(", larger than {MAX_SIDE} pixels")));
-            }
-            (Some(fixed), _) if fixed > 0 => fixed,
-            (None, Some(given)) => given,
-            _ => {
-                return Err(Error::new(format!(
-                    "its input `{name}` has the shape {shape} without a fixed height and width; set `image_size`, or export the model with the size that \
-                     it was trained on"
-                )));
-            }
-        };
-    }
-    let [height, width] = sides;
-    let why = match dims[axis(layout, 'w')] {
+    let input = Input { port, described, dims: port.dims(), shape: port.shape_text() };
+    input.check_element()?;
+    input.check_axes()?;
+    let layout = input.layout()?;
+    let why = given(described, "layout").unwrap_or_else(|| format!("the shape is {}", input.shape));
+    because(reasons, "layout", layout, why, false);
+    let all_channels = input.axis(layout, 'c').unwrap_or_default();
+    let in_time = layout.contains('t');
+    let time = in_time.then(|| input.axis(layout, 't'));
+    let (frames, slots) = frames(time, described, &input.shape, reasons)?;
+    let channels = if in_time { all_channels } else { all_channels / slots };
+    let height = input.side(layout, 'h', described.image_size.map(|size| size[1]))?;
+    let width = input.side(layout, 'w', described.image_size.map(|size| size[0]))?;
+    let why = match input.axis(layout, 'w') {
         Some(_) => "the shape says so".to_owned(),
         None => given(described, "image_size").unwrap_or_default(),
     };
@@ -187,16 +69,160 @@ pub(crate) fn find_image(
     let tensor = layout.chars().map(|letter| match letter {
         'n' => 1,
         't' => slots,
-        'c' => channels_all,
+        'c' => all_channels,
         'h' => height,
         _ => width,
     });
     let shape: Vec<usize> = tensor.collect();
     if shape.iter().try_fold(1usize, |product, dim| product.checked_mul(*dim)).is_none_or(|all| all > 1 << 28)
     {
-        return Err(wrong(", which is too large"));
+        return Err(input.wrong(", which is too large"));
     }
     Ok(Image { place, layout, shape, channels, height, width, frames, slots, element: port.element })
+}
+
+/// An input that has to be the image, and what is said of it.
+struct Input<'a> {
+    port: &'a Port,
+    described: &'a Described,
+    /// The lengths of its axes, where they are fixed.
+    dims: Vec<Option<usize>>,
+    /// The same as text.
+    shape: String,
+}
+
+impl Input<'_> {
+    fn check_element(&self) -> Result<()> {
+        let (Self { described, .. }, Port { name, element, .. }) = (self, self.port);
+        if !matches!(element, Element::Float32 | Element::Float16 | Element::Uint8 | Element::Int8) {
+            return Err(Error::new(format!(
+                "its input `{name}` is {}, but has to be float32, float16, uint8 or int8",
+                element.name()
+            )));
+        }
+        match described.dtype.filter(|_| described.element() != Some(*element)) {
+            None => Ok(()),
+            Some(asked) => Err(described.given.wrong(
+                "dtype",
+                format_args!(
+                    "is {asked}, but the network's input `{name}` is {}; leave it out, or export the network again",
+                    element.name()
+                ),
+            )),
+        }
+    }
+
+    fn check_axes(&self) -> Result<()> {
+        if !(4..=5).contains(&self.dims.len()) {
+            return Err(self.wrong(""));
+        }
+        match self.dims[0] {
+            Some(batch) if batch != 1 => Err(self.wrong(", which takes several frames at once")),
+            _ => Ok(()),
+        }
+    }
+
+    fn wrong(&self, what: &str) -> Error {
+        let Self { shape, port, .. } = self;
+        Error::new(format!(
+            "its input `{}` has the shape {shape}{what}, but has to be an image: (1, channels, height, width) or (1, height, width, channels) \
+             with 1 or 3 channels, or a stack of such",
+            port.name
+        ))
+    }
+
+    /// The length of an axis, if the layout has it and it is fixed.
+    fn axis(&self, layout: &str, letter: char) -> Option<usize> {
+        layout.find(letter).and_then(|axis| self.dims[axis])
+    }
+
+    /// How many channels there may be, those of all stacked frames together.
+    fn channel_counts(&self) -> Vec<usize> {
+        let Self { described, dims, .. } = self;
+        let slots_of = |frames: usize| frames - usize::from(described.differences == Differences::Only);
+        let in_time = dims.len() == 5;
+        let stacked = if in_time { 1 } else { described.frames.map_or(1, slots_of) };
+        match described.color {
+            Some(color) => vec![color.channels() * stacked],
+            None => vec![stacked, 3 * stacked],
+        }
+    }
+
+    /// The order of its axes, as it is described or by the one axis that can be the channels.
+    fn layout(&self) -> Result<&'static str> {
+        let counts = self.channel_counts();
+        let fits = |layout: &str| self.axis(layout, 'c').is_some_and(|length| counts.contains(&length));
+        let counted = || counts.iter().map(usize::to_string).collect::<Vec<_>>().join(" or ");
+        let (Self { described, dims, shape, .. }, name) = (self, &self.port.name);
+        if let Some(layout) = described.layout {
+            if layout.len() != dims.len() {
+                return Err(described.given.wrong(
+                    "layout",
+                    format_args!("is {layout}, but the input `{name}` has the shape {shape}; leave it out"),
+                ));
+            }
+            return fits(layout).then_some(layout).ok_or_else(|| {
+                described.given.wrong(
+                    "layout",
+                    format_args!(
+                        "is {layout}, but the input `{name}` has the shape {shape}, and its channels would have to be {}; correct `layout`, `color` or `frames`",
+                        counted()
+                    ),
+                )
+            });
+        }
+        let layouts = LAYOUTS.iter().copied().filter(|layout| layout.len() == dims.len());
+        match layouts.filter(|layout| fits(layout)).collect::<Vec<_>>().as_slice() {
+            [one] => Ok(one),
+            [] => Err(self.without_channels(&counted())),
+            several => Err(Error::new(format!(
+                "its input `{name}` has the shape {shape}, in which the channels may come first or last; set `layout` to {}",
+                several.join(" or ")
+            ))),
+        }
+    }
+
+    /// The error of an input in which no axis can be the channels.
+    fn without_channels(&self, counts: &str) -> Error {
+        let (Self { described, dims, shape, .. }, name) = (self, &self.port.name);
+        let said = ["frames", "color"].into_iter().find(|field| described.given.get(field).is_some());
+        if let Some(field) = said {
+            return described.given.wrong(
+                field,
+                format_args!(
+                    "does not fit the input `{name}` with the shape {shape}: there would have to be {counts} channels; correct `frames` and `color`"
+                ),
+            );
+        }
+        let stack = match dims.as_slice() {
+            [_, Some(2 | 4..=64), ..] | [.., Some(2 | 4..=64)] => "; if it stacks frames, set `frames`",
+            _ => "",
+        };
+        Error::new(format!("{}{stack}", self.wrong("").message()))
+    }
+
+    /// The height or the width: that of the shape, or the one that is described.
+    fn side(&self, layout: &str, letter: char, described: Option<usize>) -> Result<usize> {
+        let (Self { shape, .. }, name) = (self, &self.port.name);
+        match (self.axis(layout, letter), described) {
+            (Some(fixed), Some(given)) if fixed != given => Err(self.described.given.wrong(
+                "image_size",
+                format_args!(
+                    "is {:?}, but the input `{name}` has the shape {shape}; leave it out, or export the network with that size",
+                    self.described.image_size.unwrap_or_default()
+                ),
+            )),
+            (Some(fixed), _) if fixed > MAX_SIDE => {
+                Err(self.wrong(&format!(", larger than {MAX_SIDE} pixels")))
+            }
+            (Some(fixed), _) if fixed > 0 => Ok(fixed),
+            (None, Some(given)) => Ok(given),
+            _ => Err(Error::new(format!(
+                "its input `{name}` has the shape {shape} without a fixed height and width; set `image_size`, or export the model with the size that \
+                 it was trained on"
+            ))),
+        }
+    }
 }
 
 /// How many frames the image is made of, and how many of them and their differences it holds.

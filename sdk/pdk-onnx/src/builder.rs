@@ -48,18 +48,44 @@ impl Builder {
         attribute: Vec<AttributeProto>,
     ) -> Result<String> {
         let name = self.name(operator);
+        self.named_with(operator, inputs, &name, attribute)?;
+        Ok(name)
+    }
+
+    /// Adds a node without attributes whose output has this name.
+    pub fn named(&mut self, operator: &str, inputs: &[&str], name: &str) -> Result<()> {
+        self.named_with(operator, inputs, name, Vec::new())
+    }
+
+    /// Gives the gradient of a value the name `gradient/VALUE`, or another one if that is taken.
+    pub fn gradient_of(&mut self, value: &str, gradient: &str) -> Result<String> {
+        let mut name = format!("gradient/{value}");
+        if self.graph.values.contains(&name) {
+            name = self.name(value);
+        }
+        self.named("Identity", &[gradient], &name)?;
+        Ok(name)
+    }
+
+    fn named_with(
+        &mut self,
+        operator: &str,
+        inputs: &[&str],
+        name: &str,
+        attribute: Vec<AttributeProto>,
+    ) -> Result<()> {
         let node = NodeProto {
             op_type: operator.to_owned(),
-            name: name.clone(),
+            name: name.to_owned(),
             input: inputs.iter().map(|&input| input.to_owned()).collect(),
-            output: vec![name.clone()],
+            output: vec![name.to_owned()],
             attribute,
             ..Default::default()
         };
         self.graph.add_node(node)?;
         // A mistake in a rule shows here, where it can be named.
-        self.graph.fact(&name)?;
-        Ok(name)
+        self.graph.fact(name)?;
+        Ok(())
     }
 
     /// Adds a constant.

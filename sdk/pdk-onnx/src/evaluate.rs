@@ -53,7 +53,7 @@ impl Graph {
         results.collect()
     }
 
-    /// Puts a value beside those that are known, where it is a constant of the file.
+    /// Puts a value beside those that are known, if it is a constant of the file.
     fn take_constant<'a>(&self, name: &'a str, known: &mut HashMap<&'a str, Cow<'_, Tensor>>) -> Result<()> {
         if !known.contains_key(name) {
             let tensor =

@@ -15,7 +15,7 @@ use crate::site::Site;
 use crate::tensor::{Element, Tensor};
 
 /// The versions of ONNX's operator set whose operators have the rules that are built in.
-pub const OPSETS: std::ops::RangeInclusive<i64> = 7..=21;
+pub const OPSETS: std::ops::RangeInclusive<i64> = 7..=22;
 
 /// One number that a graph computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,8 +97,8 @@ pub fn gradients_of_sum(
                 named(targets)
             ))
         })?;
-        // An output has to have a name of its own, even where two gradients are one value.
-        outputs.push(builder.unary("Identity", &gradient)?);
+        // An output has to have a name of its own, even if two gradients are one value.
+        outputs.push(builder.gradient_of(name, &gradient)?);
     }
     let names: Vec<&str> = outputs.iter().map(String::as_str).collect();
     Ok(Gradients { model: builder.graph.model(&names)?, outputs })
@@ -167,7 +167,7 @@ fn ancestors<'a>(graph: &'a Graph, target: &str) -> HashSet<&'a str> {
 }
 
 /// The shape of a value of 32-bit or 64-bit floats.
-fn float_shape<'a>(graph: &'a Graph, name: &str) -> Result<&'a [usize]> {
+pub(crate) fn float_shape<'a>(graph: &'a Graph, name: &str) -> Result<&'a [usize]> {
     let fact = graph.fact(name)?;
     match fact.element {
         Element::FLOAT | Element::DOUBLE => Ok(&fact.shape),

@@ -76,6 +76,15 @@ impl Graph {
         Ok(graph)
     }
 
+    /// Adds an input.
+    ///
+    /// # Errors
+    /// If its name is taken.
+    pub(crate) fn add_input(&mut self, name: &str, fact: Fact) -> Result<()> {
+        self.inputs.push(ValueInfoProto::tensor(name, fact.element.0, &fact.shape));
+        self.values.define(name, Value { fact: Ok(fact), constant: None, source: Source::Input })
+    }
+
     /// Adds a node; everything that goes in has to be there.
     ///
     /// # Errors
@@ -94,7 +103,7 @@ impl Graph {
                 (Ok(facts), _) if place < facts.len() => Ok(facts[place].clone()),
                 (_, Some(declared)) => Ok(declared.clone()),
                 (Err(error), None) => Err(error.clone()),
-                (Ok(_), None) => Err(Error::new(format!("{} has an output too many", describe(&node)))),
+                (Ok(_), None) => Err(Error::new(format!("{} has one output too many", describe(&node)))),
             };
             self.values.define(output, Value { fact, constant: None, source })?;
         }

@@ -28,7 +28,7 @@ pub struct Layer {
     pub operator: String,
     /// The value that it computes.
     pub value: String,
-    /// Its value behind its activation function; the same value where it has none.
+    /// Its value behind its activation function; the same value if it has none.
     pub activated: String,
     /// The shape of its value.
     pub shape: Vec<usize>,
@@ -133,7 +133,7 @@ pub fn find<'a>(layers: &'a [Layer], name: &str) -> Result<&'a Layer> {
     })
 }
 
-/// The axes that go down the image and to the right, where there is more than one cell.
+/// The axes that go down the image and to the right, if there is more than one cell.
 fn axes(looks: &Looks, shape: &[usize]) -> Option<((usize, Look), (usize, Look))> {
     let along = |along| {
         let mut axes = looks

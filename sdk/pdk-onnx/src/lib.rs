@@ -12,6 +12,7 @@ pub mod gradient;
 pub mod graph;
 pub mod layers;
 pub mod model;
+pub mod objective;
 mod operators;
 pub mod proto;
 mod shapes;
@@ -27,5 +28,6 @@ pub const ENDING: &str = "onnx";
 
 pub use gradient::{Gradients, Target, gradients, gradients_of_sum};
 pub use graph::Graph;
+pub use objective::Objective;
 pub use tensor::{Element, Tensor};
 pub use values::Fact;

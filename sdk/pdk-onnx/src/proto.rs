@@ -226,7 +226,7 @@ pub struct TensorTypeProto {
     /// The type of its elements.
     #[prost(int32, tag = "1")]
     pub elem_type: i32,
-    /// Its shape, where it is declared.
+    /// Its shape, if it is declared.
     #[prost(message, optional, tag = "2")]
     pub shape: Option<TensorShapeProto>,
 }

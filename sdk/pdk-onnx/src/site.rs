@@ -118,12 +118,12 @@ impl<'a> Site<'a> {
         self.attribute(name).map(|attribute| attribute.floats.as_slice())
     }
 
-    /// The number of an attribute, where it is given.
+    /// The number of an attribute, if it is given.
     pub fn optional_float(&self, name: &str) -> Option<f64> {
         self.attribute(name).and_then(|attribute| attribute.f).map(f64::from)
     }
 
-    /// The whole number of an attribute, where it is given.
+    /// The whole number of an attribute, if it is given.
     pub fn optional_int(&self, name: &str) -> Option<i64> {
         self.attribute(name).and_then(|attribute| attribute.i)
     }
@@ -135,14 +135,13 @@ pub(crate) fn axis(axis: i64, rank: usize) -> Result<usize> {
     usize::try_from(counted)
         .ok()
         .filter(|&axis| axis < rank)
-        .ok_or_else(|| Error::new(format!("its axis {axis} is none of {rank}")))
+        .ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))
 }
 
-/// The places of axes, which may be counted from the end.
+/// The places of axes in the order of the list, where they may be counted from the end.
 pub(crate) fn axes(list: &[i64], rank: usize) -> Result<Vec<usize>> {
-    let mut axes = list.iter().map(|&each| axis(each, rank)).collect::<Result<Vec<_>>>()?;
-    axes.sort_unstable();
-    match axes.windows(2).any(|pair| pair[0] == pair[1]) {
+    let axes = list.iter().map(|&each| axis(each, rank)).collect::<Result<Vec<_>>>()?;
+    match axes.iter().enumerate().any(|(place, axis)| axes[..place].contains(axis)) {
         true => Err(Error::new("one of its axes is named twice")),
         false => Ok(axes),
     }

@@ -29,7 +29,7 @@ impl Fact {
 pub(crate) struct Value {
     /// Type and shape, or why they are not known.
     pub fact: Result<Fact>,
-    /// Its elements, where they are few and do not depend on the inputs.
+    /// Its elements, if they are few and do not depend on the inputs.
     pub constant: Option<Arc<Tensor>>,
     pub source: Source,
 }

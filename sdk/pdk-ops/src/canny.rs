@@ -18,7 +18,7 @@ const CANDIDATE: u8 = 1;
 /// A pixel on an edge.
 const EDGE: u8 = 2;
 
-/// Pixels of a row that are skipped together where they are smooth.
+/// Pixels of a row that are skipped together if they are smooth.
 const PART: usize = 16;
 
 /// What [`blend_with_edges`] keeps between calls.

@@ -2,7 +2,7 @@
 
 use crate::frame::Frame;
 
-/// Mean squared difference of all values of two frames of the same size; 0 where they are equal, at most 255².
+/// Mean squared difference of all values of two frames of the same size; 0 if they are equal, at most 255².
 ///
 /// # Panics
 /// If the sizes differ.

@@ -111,7 +111,7 @@ struct Pass {
 }
 
 impl Plan {
-    /// Prepares for sequences of `len` elements, at least 1. Nothing happens where it is prepared for them already.
+    /// Prepares for sequences of `len` elements, at least 1. Nothing happens if it is prepared for them already.
     pub(crate) fn prepare(&mut self, len: usize) {
         if self.len == len {
             return;

@@ -328,7 +328,7 @@ impl FrameBuf {
         }
     }
 
-    /// Gives the frame this size, keeping its memory where it is large enough. The pixels are unspecified.
+    /// Gives the frame this size, keeping its memory if it is large enough. The pixels are unspecified.
     ///
     /// # Panics
     /// If the width or the height is zero.

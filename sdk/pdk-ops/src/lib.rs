@@ -7,6 +7,7 @@
 //! Same input, same bytes: kernels use no operation whose result depends on the CPU, the number of threads or the
 //! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`pdk_seed`].
 
+pub mod affine;
 pub mod average;
 pub mod blend;
 pub mod border;
@@ -17,6 +18,7 @@ pub mod compare;
 mod dct;
 pub mod displacement;
 pub mod draw;
+pub mod edges;
 pub mod elastic;
 pub mod equalise;
 pub mod false_color;
@@ -32,6 +34,7 @@ pub mod jpeg;
 pub mod layer;
 pub mod low_pass;
 pub mod mask;
+pub mod motion;
 pub mod noise;
 pub mod overlay;
 pub mod perspective;

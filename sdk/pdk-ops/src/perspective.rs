@@ -46,7 +46,7 @@ impl Perspective {
         map.iter().all(|number| number.is_finite()).then_some(Self(map))
     }
 
-    /// The map back, up to a factor that is the same for all numbers, where there is one.
+    /// The map back, up to a factor that is the same for all numbers, if there is one.
     pub fn inverse(&self) -> Option<Self> {
         let [a, b, c, d, e, f, g, h, i] = self.0;
         let minors = [

@@ -29,7 +29,7 @@ pub struct Source<'a> {
 /// Where an output position lies between two input positions.
 #[derive(Clone, Copy, Default)]
 struct Tap {
-    /// The first of the two; the second is the next one, or the same where there is only one.
+    /// The first of the two; the second is the next one, or the same if there is only one.
     first: usize,
     weights: [u16; 2],
 }

@@ -53,7 +53,7 @@ pub fn read(road: &Value) -> Result<Option<Vec<[f64; 3]>>, String> {
 }
 
 /// The waypoints of the road whose node `i + 1` lies `lengths[i]` metres from the one before, turned by angle `i` in degrees, clockwise. The
-/// first node is 0 m high, the others have `heights` in metres; where there are none, the road is flat.
+/// first node is 0 m high, the others have `heights` in metres; if there are none, the road is flat.
 ///
 /// # Errors
 /// As [`Road::from_angles`].

@@ -128,7 +128,7 @@ impl Traffic {
         self.oncoming.len() + usize::from(self.ahead.is_some())
     }
 
-    /// Free distance from the ego vehicle's front to the vehicle ahead in metres; infinite where none is in reach.
+    /// Free distance from the ego vehicle's front to the vehicle ahead in metres; infinite if none is in reach.
     pub fn free_distance(&self, time: f64, front: f64) -> f64 {
         self.ahead
             .as_ref()

@@ -11,7 +11,7 @@ use rustix::process::geteuid;
 
 use crate::error::{Error, ErrorKind, Place, Result};
 
-/// Names the folder, where it is set.
+/// Names the folder, if it is set.
 pub const VARIABLE: &str = "PDK_CACHE";
 
 /// The folder, and why it is this one.
@@ -204,7 +204,7 @@ mod tests {
         let own = home.join("own");
         assert_eq!(chosen("", text(&own), text(&home)).unwrap(), cache(own.join("pdk"), false));
 
-        // A home that is none, such as that of most services.
+        // A home that does not exist, such as that of most services.
         fs::write(place.join("file"), "").unwrap();
         let private = temporary.join(format!("pdk-{}", geteuid().as_raw()));
         for home in [None, text(Path::new("relative")), text(&place.join("file/home"))] {

@@ -3,61 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use pdk_abi::each_kind;
 pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// Writes [`Kind`], and the function that begins a description of each, from a list of the kinds in the order in which they are listed for
-/// people.
-macro_rules! kinds {
-    ($($kind:ident $name:ident: $does:literal, $describes:literal;)*) => {
-        /// The kinds of component.
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        pub enum Kind {
-            $(#[doc = $does] $kind,)*
-        }
-
-        impl Kind {
-            /// All kinds, in the order in which they are listed.
-            pub const ALL: [Kind; [$(stringify!($kind)),*].len()] = [$(Kind::$kind),*];
-
-            /// The name as it is written in lists and on the command line.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Kind::$kind => stringify!($name),)*
-                }
-            }
-        }
-
-        impl Description {
-            $(
-                #[doc = concat!("Describes ", $describes, ".")]
-                #[track_caller]
-                pub fn $name(name: &str, doc: &str) -> Self {
-                    Self::of(Kind::$kind, name, doc)
-                }
-            )*
-        }
-    };
-}
-
-kinds! {
-    Perturbation perturbation: "Changes a frame.", "a perturbation";
-    Simulator simulator: "Renders frames and moves the vehicle.", "a simulator";
-    Driver driver: "Looks at a frame and steers.", "a driver";
-    Saliency saliency: "Says which pixels matter to a driver.", "a saliency method";
-    Mask mask: "Says where frames are to be perturbed.", "a mask";
-    Search search: "Proposes scenarios and learns from outcomes.", "a search strategy";
-    Predictor predictor: "Looks at a frame and gives values by name, such as scores of classes.", "a predictor";
-    Dataset dataset: "Reads recorded frames with their ground truth.", "a dataset reader";
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
+pub use crate::kinds::Kind;
 
 /// Whether a perturbation looks at one frame only or moves over time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,7 +28,7 @@ pub enum Geometry {
     Kept,
     /// Things move, and [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
     Moved,
-    /// Things move, or appear in further places, in a way that it cannot say.
+    /// Things move, or appear in further places, in a way that it cannot describe.
     Altered,
     /// It does not say, as plugins of before this field. Labels are not kept on trust: a user has to decide.
     #[default]
@@ -89,6 +40,35 @@ impl Geometry {
     /// Whether it says nothing, which descriptions leave out.
     pub fn is_undeclared(&self) -> bool {
         *self == Self::Undeclared
+    }
+}
+
+/// What a perturbation changes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActsOn {
+    /// Frames, by [`Perturbation::apply`](crate::perturbation::Perturbation::apply).
+    #[default]
+    Frame,
+    /// What the driver gets besides the frame, by [`Perturbation::observe`](crate::perturbation::Perturbation::observe).
+    Observation,
+    /// What becomes of the driver's control, by [`Perturbation::actuate`](crate::perturbation::Perturbation::actuate).
+    Control,
+}
+
+impl ActsOn {
+    /// Whether it changes frames, which descriptions leave unsaid.
+    pub fn is_frame(&self) -> bool {
+        *self == Self::Frame
+    }
+
+    /// What it changes, in words.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Frame => "the frame",
+            Self::Observation => "the speed and the time that the driver gets",
+            Self::Control => "the control on its way to the vehicle",
+        }
     }
 }
 
@@ -173,6 +153,12 @@ pub struct Description {
     /// What a perturbation does to the places of things in the frame.
     #[serde(default, skip_serializing_if = "Geometry::is_undeclared")]
     pub geometry: Geometry,
+    /// What a perturbation changes.
+    #[serde(default, skip_serializing_if = "ActsOn::is_frame")]
+    pub acts_on: ActsOn,
+    /// The choice with which a perturbation needs to know how far away each pixel is; none if it never does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<Condition>,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
     /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
@@ -200,7 +186,7 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
-    /// BLAKE3 of the file that it stands for, such as a network, where that is part of its library; in hexadecimal, empty for all
+    /// BLAKE3 of the file that it stands for, such as a network, if that is part of its library; in hexadecimal, empty for all
     /// others. The same file beside a pipeline is the same component.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub blake3: String,
@@ -234,6 +220,8 @@ impl Description {
             follows_attention: String::new(),
             history: 0,
             geometry: Geometry::Undeclared,
+            acts_on: ActsOn::Frame,
+            depth: None,
             parameters: Vec::new(),
             grows_with: Map::new(),
             preferred: false,
@@ -256,7 +244,7 @@ impl Description {
         self
     }
 
-    /// Sets the version of the algorithm; 1 where it is not set.
+    /// Sets the version of the algorithm; 1 if it is not set.
     pub fn version(mut self, version: u32) -> Self {
         self.version = version;
         self
@@ -280,7 +268,7 @@ impl Description {
         self
     }
 
-    /// Says that it is the one of its kind that is used if none is named.
+    /// Makes it the default of its kind: the one that is used if none is named.
     pub fn preferred(mut self) -> Self {
         self.preferred = true;
         self
@@ -396,7 +384,7 @@ impl Description {
     }
 
     /// Asks for this many frames before the one at hand, at most [`MOST_FRAMES`](crate::history::MOST_FRAMES): see [`crate::history`]. pdk keeps
-    /// a copy of each.
+    /// a copy of each. What does not [act on](Description::acts_on) frames gets the signals of these frames: see [`crate::signals`].
     pub fn history(mut self, frames: u32) -> Self {
         self.history = frames;
         self
@@ -421,9 +409,22 @@ impl Description {
         self
     }
 
-    /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
+    /// Says that things move, or appear in further places, in a way that it cannot describe: see [`Geometry::Altered`].
     pub fn alters_geometry(mut self) -> Self {
         self.geometry = Geometry::Altered;
+        self
+    }
+
+    /// Says what it changes: see [`ActsOn`]. Whatever is not a frame is changed in drives alone.
+    pub fn acts_on(mut self, what: ActsOn) -> Self {
+        self.acts_on = what;
+        self
+    }
+
+    /// Asks, if the choice `parameter` is `option`, for how far away each pixel is:
+    /// [`Context::depth`](crate::perturbation::Context::depth). Simulators that do not know it are refused then.
+    pub fn depth_with(mut self, parameter: &str, option: &str) -> Self {
+        self.depth = Some(Condition { parameter: parameter.to_owned(), option: option.to_owned() });
         self
     }
 
@@ -433,6 +434,23 @@ impl Description {
         self
     }
 }
+
+/// The functions that begin a description, one for each kind.
+macro_rules! begin {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
+        impl Description {
+            $(
+                #[doc = concat!("Begins the description of a ", $one, ".")]
+                #[track_caller]
+                pub fn $name(name: &str, doc: &str) -> Self {
+                    Self::of(Kind::$kind, name, doc)
+                }
+            )*
+        }
+    };
+}
+
+each_kind!(begin);
 
 /// Files that become components of their own when they lie in a certain folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

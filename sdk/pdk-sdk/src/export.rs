@@ -9,8 +9,8 @@
 /// }
 /// ```
 ///
-/// The kinds are `perturbations`, `simulators`, `drivers`, `saliencies`, `masks`, `predictors`, `searches` and `datasets`. The crate has to be
-/// a `cdylib`, and may use the macro once. Name and version of the plugin are those of the package, and its `homepage` or
+/// The names are the plurals of the [kinds](crate::describe::Kind), such as `saliencies` and `searches`. The crate has to be a
+/// `cdylib`, and may use the macro once. Name and version of the plugin are those of the package, and its `homepage` or
 /// `repository` is where pdk says that the plugin is to be had.
 #[macro_export]
 macro_rules! export {

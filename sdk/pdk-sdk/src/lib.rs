@@ -5,27 +5,25 @@
 //! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
+pub mod bursts;
 pub mod cache;
 pub mod camera;
 pub mod component;
 pub mod config;
-pub mod dataset;
 pub mod describe;
-pub mod driver;
+mod earlier_maps;
 mod export;
 pub mod file;
 pub mod history;
 pub mod input_files;
-pub mod mask;
-pub mod perturbation;
-pub mod predictor;
-pub mod saliency;
-pub mod search;
-pub mod simulator;
+mod kinds;
+pub mod signals;
 pub mod suggest;
 pub mod testing;
 pub mod timeline;
 
+pub use kinds::*;
+pub use pdk_abi::each_kind;
 pub use pdk_model as model;
 pub use pdk_model::error;
 pub use pdk_ops as ops;
@@ -39,18 +37,12 @@ pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
 pub mod prelude {
     pub use crate::component::Component;
     pub use crate::config::Config;
-    pub use crate::dataset::{Dataset, Entry, Position};
-    pub use crate::describe::{Description, Geometry, Kind, Parameter, Role, Temporal};
-    pub use crate::driver::{Control, DriveContext, Driver};
+    pub use crate::describe::{ActsOn, Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::history::{Earlier, History};
     pub use crate::input_files::InputFiles;
-    pub use crate::mask::Mask;
-    pub use crate::perturbation::{Context, EarlierMaps, Perturbation, Way};
-    pub use crate::predictor::{Output, Predictor};
-    pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
-    pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
-    pub use crate::simulator::{Annotations, Camera, Scenario, Simulator, State};
+    pub use crate::kinds::traits::*;
+    pub use crate::signals::{Signal, Signals};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut};
     pub use pdk_seed::{Key, Random};
 }

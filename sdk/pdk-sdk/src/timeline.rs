@@ -67,7 +67,7 @@ impl Timeline {
         };
         if passed > most {
             return nonsense(format!(
-                "its time jumps from {before:?} to {time:?} s, but has to go on by at most {} s at a time",
+                "its time jumps from {before:?} to {time:?} s, but has to advance by at most {} s at a time",
                 (most * 1e6).round() / 1e6
             ));
         }
@@ -76,7 +76,7 @@ impl Timeline {
         }
         match self.clock {
             Clock::Stepped if passed < self.period / FACTOR => nonsense(format!(
-                "its time goes on from {before:?} to {time:?} s with a control, but has to go on by a frame, which is {:?} s",
+                "its time advances from {before:?} to {time:?} s with a control, but has to advance by a frame, which is {:?} s",
                 self.period
             )),
             Clock::Stepped => Ok(()),
@@ -116,11 +116,11 @@ mod tests {
         );
         assert_eq!(stepped(&[0.0, 0.25, 0.0]), "its time falls from 0.25 to 0.0 s");
         assert!(
-            stepped(&[0.0, 0.05, 0.05]).starts_with("its time goes on from 0.05 to 0.05 s with a control")
+            stepped(&[0.0, 0.05, 0.05]).starts_with("its time advances from 0.05 to 0.05 s with a control")
         );
         assert_eq!(
             stepped(&[0.0, 1e3]),
-            "its time jumps from 0.0 to 1000.0 s, but has to go on by at most 0.5 s at a time"
+            "its time jumps from 0.0 to 1000.0 s, but has to advance by at most 0.5 s at a time"
         );
     }
 

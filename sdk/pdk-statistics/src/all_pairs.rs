@@ -25,7 +25,7 @@ struct Candidate {
 }
 
 /// Compares each condition with each other one. `conditions` have one value a road, none if it was not driven; the roads are in
-/// the same order. A pair is compared on the roads that have both; where it does not differ on any, p is 1.
+/// the same order. A pair is compared on the roads that have both; if it does not differ on any, p is 1.
 ///
 /// If the pairs below some p are reported as different, the probability that any of them does not is at most that p. This is the
 /// step-down procedure of the largest statistic: P. H. Westfall, S. S. Young, "Resampling-Based Multiple Testing" (1993), algorithm

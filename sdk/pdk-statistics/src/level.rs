@@ -173,7 +173,7 @@ fn shares(trials: &[Trial], levels: &[f64]) -> Vec<Shares> {
 /// One half, which sums of shares need not reach exactly.
 const HALF: f64 = 0.5 - 1e-9;
 
-/// Where the likely share crosses one half; infinite where it does not.
+/// Where the likely share crosses one half; infinite if it does not.
 fn crossing(levels: &[f64], shares: &[Shares]) -> f64 {
     let rising = rising(shares.iter().map(|shares| shares.likely));
     match rising.iter().position(|share| *share >= HALF) {
@@ -187,14 +187,14 @@ fn crossing(levels: &[f64], shares: &[Shares]) -> f64 {
     }
 }
 
-/// The last level below the first at which half may fail, 0 where that is the lowest, since nothing is known below; infinite where
+/// The last level below the first at which half may fail, 0 if that is the lowest, since nothing is known below; infinite where
 /// half cannot fail at any.
 fn earliest(levels: &[f64], shares: &[Shares]) -> f64 {
     let first = shares.iter().position(|shares| shares.most >= HALF);
     first.map_or(f64::INFINITY, |place| place.checked_sub(1).map_or(0.0, |below| levels[below]))
 }
 
-/// The first level from which on at least half fail; infinite where there is none.
+/// The first level from which on at least half fail; infinite if there is none.
 fn latest(levels: &[f64], shares: &[Shares]) -> f64 {
     let last = shares.iter().rposition(|shares| shares.least < HALF);
     levels.get(last.map_or(0, |place| place + 1)).copied().unwrap_or(f64::INFINITY)

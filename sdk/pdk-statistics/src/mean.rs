@@ -3,7 +3,7 @@
 use crate::estimate::{Estimate, student_limit};
 use crate::share::largest_unseen;
 
-/// The mean of a quantity, of which there is one value a road; `range` is what it can be, infinite where it has no end. None if there
+/// The mean of a quantity, of which there is one value a road; `range` is what it can be, infinite if it has no end. None if there
 /// are not roads.
 ///
 /// A single road says nothing about others: of a quantity without ends, the interval is the value then.

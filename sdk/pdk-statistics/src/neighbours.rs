@@ -1,4 +1,4 @@
-//! Whether neighbouring blocks of a recording resemble each other, so that they cannot be counted as so many observations.
+//! Whether neighbouring blocks of a recording resemble each other, so that they cannot be counted as independent observations.
 //!
 //! A test over blocks takes them for independent draws. If blocks are shorter than what the recording remembers, it is sure too soon. Blocks
 //! that are looked at in a random order are rarely neighbours at first, when it does little harm, and often later, when it would: then

@@ -9,7 +9,7 @@ use crate::signs::Signs;
 /// Differences that are smaller than this are rounding: values are shares, metres and the like.
 const ROUNDING: f64 = 1e-9;
 
-/// What two conditions on the same roads differ by.
+/// The difference between two conditions on the same roads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Paired {
     /// The mean over roads of the first minus the second.
@@ -27,7 +27,7 @@ pub struct Paired {
 }
 
 /// Compares two conditions, of which there is one value a road, none if it was not driven; the roads are in the same order.
-/// `range` is what a value can be, infinite where it has no end. None if no road has both.
+/// `range` is what a value can be, infinite if it has no end. None if no road has both.
 pub fn compare(a: &[Option<f64>], b: &[Option<f64>], range: (f64, f64), confidence: f64) -> Option<Paired> {
     let differences: Vec<f64> = a.iter().zip(b).filter_map(|(a, b)| Some(rounded((*a)? - (*b)?))).collect();
     if differences.is_empty() {
@@ -46,6 +46,11 @@ pub fn compare(a: &[Option<f64>], b: &[Option<f64>], range: (f64, f64), confiden
 /// and in ranks.
 pub(crate) fn rounded(difference: f64) -> f64 {
     (difference / ROUNDING).round() * ROUNDING
+}
+
+/// The matched-pairs rank-biserial correlation of differences: see [`Paired::effect_size`]. Differences that are rounding count as zero.
+pub fn effect_size(differences: &[f64]) -> f64 {
+    rank_biserial(&differences.iter().copied().map(rounded).collect::<Vec<_>>())
 }
 
 /// Sums of ranks of the sizes, by sign; equal sizes share their mean rank, and those of zero say nothing.
@@ -105,6 +110,7 @@ mod tests {
         // Sizes 1, 2, 2, 4 have ranks 1, 2.5, 2.5, 4; upwards are 2.5 and 4.
         let found = of(&[0.0, 0.2, 0.0, 0.4, 0.5], &[0.1, 0.0, 0.2, 0.0, 0.5]);
         assert!((found.effect_size - (6.5 - 3.5) / 10.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(effect_size(&[-0.1, 0.2, -0.2, 0.4, 1e-12]), found.effect_size);
         assert_eq!(found.roads, 5);
     }
 

@@ -7,7 +7,7 @@ pub struct Point {
     pub x: Vec<f64>,
     /// Its objectives, smaller is better; empty if it has none.
     pub f: Vec<f64>,
-    /// How far it is from keeping the constraints: 0 where it does, infinite where it could not be evaluated.
+    /// How far it is from keeping the constraints: 0 if it does, infinite if it could not be evaluated.
     pub violation: f64,
     /// Whether it shows what is searched for.
     pub critical: bool,

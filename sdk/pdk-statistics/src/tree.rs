@@ -18,7 +18,7 @@ pub struct Limits {
     pub decrease: f64,
     /// How many splits lie above a leaf at most.
     pub depth: usize,
-    /// Whether critical points count as much, all together, as the others do. Else a tree does not see them where they are few.
+    /// Whether critical points count as much, all together, as the others do. Else a tree does not see them if they are few.
     pub balanced: bool,
 }
 

@@ -155,7 +155,7 @@ struct Plan {
     roads: usize,
     repeats: usize,
     bisection: Option<Bisection>,
-    /// The levels that are driven where there is no bisection.
+    /// The levels that are driven if there is no bisection.
     levels: &'static [f64],
     /// Whether the luck of a repeat is the same at all levels, so that it fails from one of them on, or another at each.
     same_luck: bool,

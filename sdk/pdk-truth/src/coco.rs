@@ -59,7 +59,7 @@ impl Coco {
         let names: BTreeMap<i64, &String> = images.iter().map(|image| (image.id, &image.file_name)).collect();
         for Annotation { image_id, category_id, bbox, iscrowd, area } in annotations {
             let missing = |what: &str, id: i64| {
-                Error::new(format!("an annotation names the {what} {id}, which is not there"))
+                Error::new(format!("an annotation names the {what} {id}, which does not exist"))
             };
             let class = categories
                 .binary_search_by_key(&category_id, |category| category.id)

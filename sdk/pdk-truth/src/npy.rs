@@ -16,7 +16,7 @@ pub struct Array {
 /// Reads the content of a file: numbers of up to eight bytes, in either order of bytes and of axes.
 ///
 /// # Errors
-/// If it is not such a file, or has something else than numbers.
+/// If it is not such a file, or contains something other than numbers.
 pub fn read(bytes: &[u8]) -> Result<Array> {
     let wrong = |why: &str| Error::new(format!("it is not an array of numbers in numpy's format: {why}"));
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| wrong("it begins with something else"))?;
@@ -24,22 +24,22 @@ pub fn read(bytes: &[u8]) -> Result<Array> {
     let (length, rest) = match rest {
         [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
         [2 | 3, _, a, b, c, d, rest @ ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest),
-        _ => return Err(wrong("its version is none of 1, 2 and 3")),
+        _ => return Err(wrong("its version is not 1, 2 or 3")),
     };
     let head = rest.get(..length).ok_or_else(cut)?;
-    let head = std::str::from_utf8(head).map_err(|_| wrong("its head is not text"))?;
+    let head = std::str::from_utf8(head).map_err(|_| wrong("its header is not text"))?;
     let field = |name: &str| {
         let behind = head.split_once(&format!("'{name}'"))?.1.trim_start().strip_prefix(':')?;
         Some(behind.trim_start())
     };
     let kind = field("descr").and_then(|behind| behind.strip_prefix('\'')?.split_once('\''));
-    let kind = kind.ok_or_else(|| wrong("its head has no type"))?.0;
+    let kind = kind.ok_or_else(|| wrong("its header has no type"))?.0;
     let columns_first = field("fortran_order").is_some_and(|behind| behind.starts_with("True"));
     let shape = field("shape").and_then(|behind| behind.strip_prefix('(')?.split_once(')'));
-    let shape = shape.ok_or_else(|| wrong("its head has no shape"))?.0;
+    let shape = shape.ok_or_else(|| wrong("its header has no shape"))?.0;
     let sides = shape.split(',').map(str::trim).filter(|side| !side.is_empty());
     let shape: Option<Vec<usize>> = sides.map(|side| side.parse().ok()).collect();
-    let shape = shape.ok_or_else(|| wrong("its shape is not one of whole numbers"))?;
+    let shape = shape.ok_or_else(|| wrong("its shape is not a list of whole numbers"))?;
 
     let (number, size) = number(kind).ok_or_else(|| {
         wrong(&format!(
@@ -166,7 +166,7 @@ mod tests {
             (b"PK\x03\x04".to_vec(), "begins with something else"),
             (file(head, &[0; 23]), "it is cut off"),
             (file(&head.replace("<f4", "|O"), &[0; 24]), "its type is `|O`"),
-            (file(&head.replace("2, 3", "a"), &[0; 24]), "not one of whole numbers"),
+            (file(&head.replace("2, 3", "a"), &[0; 24]), "not a list of whole numbers"),
             (file(&head.replace("2, 3", "18446744073709551615, 2"), &[]), "it is cut off"),
             (file("{}", &[]), "no type"),
         ] {

@@ -36,7 +36,7 @@ fn object(line: &str) -> Result<Object> {
         .take(MOST_NUMBERS)
         .map(|word| word.parse().ok().filter(|number: &f64| number.is_finite()))
         .collect::<Option<_>>()
-        .ok_or_else(|| Error::new("it has something else than numbers"))?;
+        .ok_or_else(|| Error::new("it contains something other than numbers"))?;
     let [class, rest @ ..] = numbers.as_slice() else { return Err(Error::new("it has no numbers")) };
     if class.fract() != 0.0 || !(0.0..=LARGEST_CLASS).contains(class) {
         return Err(Error::new(format!(
@@ -104,7 +104,7 @@ mod tests {
             ("0 0.5 0.5 0.1 0.1\n1 2 3 4 5", "line 2: 2 is not a share"),
             ("0.5 0.1 0.1 0.1 0.1", "its class is 0.5"),
             ("0 0.1 0.1 0.1", "neither a box (5) nor a polygon"),
-            ("cat 0.1 0.1 0.1 0.1", "something else than numbers"),
+            ("cat 0.1 0.1 0.1 0.1", "something other than numbers"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.message().contains(part), "{error}");

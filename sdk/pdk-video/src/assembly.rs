@@ -4,7 +4,7 @@
 use openh264_sys2 as _;
 
 unsafe extern "C" {
-    /// OpenH264's `cpu.h`: the instruction sets that it uses, as bits, and the number of processors where that is asked for.
+    /// OpenH264's `cpu.h`: the instruction sets that it uses, as bits, and the number of processors if that is asked for.
     fn WelsCPUFeatureDetect(processors: *mut i32) -> u32;
 }
 

@@ -1,6 +1,6 @@
 //! Between RGB and the planes of a video: ITU-R BT.601, luma from 16 to 235, chroma at half the width and height.
 //!
-//! A chroma sample lies on an even column, halfway between two rows, which is what H.264 means where it says nothing.
+//! A chroma sample lies on an even column, halfway between two rows, which is what H.264 means if it says nothing.
 
 use pdk_sdk::prelude::*;
 

@@ -113,7 +113,7 @@ fn needed<T>(found: Option<T>) -> Result<T, Misbuilt> {
     found.ok_or(Misbuilt)
 }
 
-/// How the frames are encoded, where that is H.264 that the decoder knows.
+/// How the frames are encoded, if that is H.264 that the decoder knows.
 fn h264(description: Content<'_>) -> Result<Avcc, Left> {
     let (count, entries) =
         description.0.get(4..).and_then(|content| content.split_first_chunk::<4>()).ok_or(Misbuilt)?;

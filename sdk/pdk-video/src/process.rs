@@ -45,7 +45,7 @@ impl Process {
         limit(&mut command);
         let (sender, all_said) = channel();
         let said = Arc::new(Mutex::new(Vec::new()));
-        // From here on the program is ended on every way out.
+        // From here on every return ends the program.
         let mut process = Self { child: command.spawn()?, said, all_said };
         let (Some(output), Some(errors)) = (process.child.stdout.take(), process.child.stderr.take()) else {
             return Err(std::io::Error::other("it has no output"));
@@ -56,7 +56,7 @@ impl Process {
         Ok((process, BufReader::new(Patient { output, patience: PATIENCE })))
     }
 
-    /// Waits for the end of a program whose output has ended, and ends it where it does not come. Returns whether it ended
+    /// Waits for the end of a program whose output has ended, and ends it if it does not come. Returns whether it ended
     /// well, and the last of what it said.
     pub fn finish(&mut self) -> (bool, String) {
         let begin = Instant::now();

@@ -21,7 +21,7 @@ const START_CODE: [u8; 4] = [0, 0, 0, 1];
 pub trait Input: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Input for T {}
 
-/// What became of opening a file.
+/// The result of opening a file.
 pub enum Opened {
     /// Its frames can be read.
     Frames(Box<Reader>),
@@ -237,7 +237,7 @@ impl Reader {
     }
 }
 
-/// What a file is by its first bytes, where that is a video.
+/// What a file is by its first bytes, if that is a video.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Container {
     /// MP4 or QuickTime, which [`Reader`] opens.
@@ -246,7 +246,7 @@ pub enum Container {
     Other(&'static str),
 }
 
-/// Tells by its first bytes, at least 12 where it has them, whether a file is a video.
+/// Tells by its first bytes, at least 12 if it has them, whether a file is a video.
 pub fn container(head: &[u8]) -> Option<Container> {
     match head {
         // Pictures in a box format.

@@ -33,7 +33,7 @@ impl Stream {
                 Ok(())
             }
             Ok(_) => Err(Error::new(
-                "its H.264 gives no picture of its own; frames that are shown later than others cannot be read",
+                "its H.264 shows frames in another order than it stores them (B frames), which is not read here; encode it without them",
             )),
             Err(error) => Err(Error::new(format!(
                 "its H.264 is damaged, or uses what the decoder does not know ({error})"

@@ -1,4 +1,4 @@
-"""A driver with a model, in the style of PyTorch: `python3 model.py WEIGHTS`, or with random weights where there are none.
+"""A driver with a model, in the style of PyTorch: `python3 model.py WEIGHTS`, or with random weights if there are none.
 
 With torch, `Pilot` would be a `torch.nn.Module`, and the frame would come to it as `torch.from_numpy(frame.copy())`.
 """

@@ -38,6 +38,7 @@ Error.record = None
 
 __all__ = [
     "Error",
+    "Gradient",
     "Perturbation",
     "Record",
     "RunSettings",
@@ -87,6 +88,7 @@ def names(default=False):
     return [each["name"] for each in described if each.get("default", True) or not default]
 
 
+from pdk_perturb.gradient import Gradient  # noqa: E402
 from pdk_perturb.programs import driver, simulator  # noqa: E402
 from pdk_perturb.records import Record  # noqa: E402
 from pdk_perturb.runs import Session, run  # noqa: E402

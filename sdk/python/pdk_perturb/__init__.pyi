@@ -13,6 +13,7 @@ from pdk_perturb._pdk import search as search
 from pdk_perturb._pdk import written as written
 from pdk_perturb._settings import RunSettings as RunSettings
 from pdk_perturb._settings import SessionSettings as SessionSettings
+from pdk_perturb.gradient import Gradient as Gradient
 from pdk_perturb.programs import driver as driver
 from pdk_perturb.programs import simulator as simulator
 from pdk_perturb.records import Record as Record

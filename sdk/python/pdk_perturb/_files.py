@@ -58,7 +58,7 @@ class Sender:
 
 
 def _packed(folder):
-    """A folder as one file, whose bytes follow from names and contents alone; `None` where it is too large."""
+    """A folder as one file, whose bytes follow from names and contents alone; `None` if it is too large."""
     files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
     if sum(path.stat().st_size for path in files) > LARGEST:
         return None
@@ -73,7 +73,7 @@ def _packed(folder):
 
 
 def place(told, get):
-    """The path of what was told by `Sender.take` on this machine. `get(hash)` gets its bytes, where it is not here yet."""
+    """The path of what was told by `Sender.take` on this machine. `get(hash)` gets its bytes, if it is not here yet."""
     folder = cache() / told["hash"][:32]
     path = folder / told["name"]
     if path.exists():

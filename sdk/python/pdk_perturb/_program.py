@@ -174,7 +174,7 @@ class Program:
         return returned
 
     def finish(self, at_end):
-        """Waits for the end of the run, after telling that the pipeline is at its end where it is one that calls."""
+        """Waits for the end of the run, after telling that the pipeline is at its end if it is one that calls."""
         try:
             if at_end:
                 self._child.stdin.write(b'{"end":{}}\n')

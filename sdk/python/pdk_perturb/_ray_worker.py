@@ -63,7 +63,7 @@ class Worker:
         return line.decode()
 
     def work(self, job, files, blobs):
-        """Does a job: returns the lines that the worker says, up to `done` or `failed`, and the bytes of the trace, where it was to
+        """Does a job: returns the lines that the worker says, up to `done` or `failed`, and the bytes of the trace, if it was to
         write one."""
         job, trace = json.loads(job), None
         drive = job["job"]["work"].get("drive")

@@ -39,7 +39,7 @@ class RunSettings(TypedDict, total=False):
 
 
 class SessionSettings(RunSettings, total=False):
-    """What can be set for a session: also what its scenarios have if they do not say it themselves."""
+    """The settings of a session, which include the defaults of its scenarios."""
 
     #: The simulator.
     simulator: str | Mapping[str, Any] | None
@@ -64,6 +64,7 @@ class SessionSettings(RunSettings, total=False):
 MODIFIERS = {
     "probability": 'float',
     "region": 'Mapping[str, Any] | Sequence[float]',
+    "during": 'Mapping[str, Any]',
     "where": 'Mapping[str, Any]',
     "attention": 'str | Mapping[str, Any]',
     "draws": 'Literal["per_frame", "per_sequence"]',

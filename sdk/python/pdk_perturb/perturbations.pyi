@@ -24,6 +24,7 @@ def artistic(
     engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -51,6 +52,7 @@ def banding(
     exposure: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -68,6 +70,28 @@ def banding(
         shutter.
     """
 
+def biased_speed(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    offset: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Tells the driver a speed that is too low, or too high, by a share of it.
+
+    share: by which share the speed is too high; below 0 it is too low, so that a driver that holds a speed goes
+        faster (-1 to 5; by level -0.05, -0.1, -0.2, -0.35, -0.5).
+    offset: what is added to the speed (m/s; -100 to 100; default 0.0).
+    Source: Offset errors of sensors in ISO 26262-5:2018, annex D; a share is what wheels of another circumference
+        make of it.
+    Not part of the default set.
+    """
+
 def blank_frames(
     level: Level = 2.0,
     *,
@@ -76,6 +100,7 @@ def blank_frames(
     brightness: int | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -98,6 +123,7 @@ def canny_edges_mapping(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -117,6 +143,7 @@ def contrast(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -134,6 +161,7 @@ def cutout_filter(
     rectangles: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -151,6 +179,7 @@ def defocus_blur(
     radius: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -169,6 +198,7 @@ def delayed_frames(
     delay: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -188,6 +218,7 @@ def dirty_lens(
     opacity: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -206,6 +237,7 @@ def dotted_lines_mapping(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -218,6 +250,47 @@ def dotted_lines_mapping(
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: dots along random lines.
     """
 
+def drifting_clock(
+    level: Level = 2.0,
+    *,
+    rate: ByLevel | None = None,
+    offset: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Tells the driver a time that runs off.
+
+    rate: by which share the clock is fast; below 0 it is slow (-0.9 to 10; by level 0.0001, 0.001, 0.01, 0.05,
+        0.2).
+    offset: how far it is ahead at the start (s; -100000 to 100000; default 0.0).
+    Source: Frequency error of an oscillator, as in IEEE 1139; quartz without synchronisation runs off by 1e-5 to
+        1e-4, the higher levels are those of a clock that counts wrongly.
+    Not part of the default set.
+    """
+
+def drifting_speed(
+    level: Level = 2.0,
+    *,
+    drift: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Tells the driver a speed whose error grows over time.
+
+    drift: how much the error grows in a second; below 0 the speed is too low, so that a driver that holds a speed
+        goes faster (m/s²; -100 to 100; by level -0.02, -0.05, -0.1, -0.2, -0.4).
+    Source: Drift of sensors in ISO 26262-5:2018, annex D.
+    Not part of the default set.
+    """
+
 def dynamic_lightning_filter(
     level: Level = 2.0,
     *,
@@ -228,6 +301,7 @@ def dynamic_lightning_filter(
     horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -240,8 +314,8 @@ def dynamic_lightning_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
@@ -257,6 +331,7 @@ def dynamic_object_overlay(
     horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -268,8 +343,8 @@ def dynamic_object_overlay(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
@@ -286,6 +361,7 @@ def dynamic_rain_filter(
     haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -297,8 +373,8 @@ def dynamic_rain_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.45).
@@ -314,6 +390,7 @@ def dynamic_smoke_filter(
     rate: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -325,8 +402,8 @@ def dynamic_smoke_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -341,6 +418,7 @@ def dynamic_snow_filter(
     haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -352,8 +430,8 @@ def dynamic_snow_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.5).
@@ -372,6 +450,7 @@ def dynamic_sun_filter(
     veil: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -384,8 +463,8 @@ def dynamic_sun_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     darker: the share of the light that the camera takes away, at an opacity of 1 (0 to 1; default 0.35).
@@ -400,6 +479,7 @@ def elastic(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -420,6 +500,7 @@ def false_color_filter(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -441,6 +522,7 @@ def fog_filter(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -461,6 +543,7 @@ def fog_mapping(
     strength: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -480,6 +563,7 @@ def frost_filter(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -501,6 +585,7 @@ def frozen_frames(
     burst: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -522,6 +607,7 @@ def gaussian_blur(
     kernel_size: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -538,6 +624,7 @@ def gaussian_noise(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -555,6 +642,7 @@ def ghosting(
     persistence: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -573,6 +661,7 @@ def glass_blur(
     distance: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -592,6 +681,7 @@ def grayscale_filter(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -608,6 +698,7 @@ def high_pass_filter(
     kernel_size: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -626,6 +717,7 @@ def histogram_equalisation(
     clip_limit: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -643,6 +735,7 @@ def imagenet_c_brightness(
     added: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -661,6 +754,7 @@ def imagenet_c_contrast(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -680,6 +774,7 @@ def imagenet_c_defocus_blur(
     edge: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -699,6 +794,7 @@ def imagenet_c_elastic_transform(
     alpha: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -718,6 +814,7 @@ def imagenet_c_fog(
     decay: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -738,6 +835,7 @@ def imagenet_c_frost(
     ice: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -757,6 +855,7 @@ def imagenet_c_gaussian_blur(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -775,6 +874,7 @@ def imagenet_c_gaussian_noise(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -795,6 +895,7 @@ def imagenet_c_glass_blur(
     rounds: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -815,6 +916,7 @@ def imagenet_c_impulse_noise(
     share: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -833,6 +935,7 @@ def imagenet_c_jpeg_compression(
     quality: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -852,6 +955,7 @@ def imagenet_c_motion_blur(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -871,6 +975,7 @@ def imagenet_c_pixelate(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -890,6 +995,7 @@ def imagenet_c_saturate(
     added: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -909,6 +1015,7 @@ def imagenet_c_shot_noise(
     k: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -933,6 +1040,7 @@ def imagenet_c_snow(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -962,6 +1070,7 @@ def imagenet_c_spatter(
     mud: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -986,6 +1095,7 @@ def imagenet_c_speckle_noise(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1005,6 +1115,7 @@ def imagenet_c_zoom_blur(
     step: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1025,6 +1136,7 @@ def impulse_noise(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1045,6 +1157,7 @@ def increase_brightness(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1063,6 +1176,7 @@ def jpeg_filter(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1075,12 +1189,107 @@ def jpeg_filter(
     Source: ITU-T T.81 (1992), baseline with the tables of Annex K, chroma at half the resolution.
     """
 
+def lagging_controls(
+    level: Level = 2.0,
+    *,
+    steering: ByLevel | None = None,
+    throttle: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets steering and pedals follow the driver with a lag of first order.
+
+    steering: time constant of the steering (s; 0 to 60; by level 0.05, 0.1, 0.2, 0.4, 0.8).
+    throttle: time constant of throttle and brake (s; 0 to 60; default 0.0).
+    Source: First-order lag of an actuator, as in Rajamani, Vehicle dynamics and control (2012).
+    Not part of the default set.
+    """
+
+def late_controls(
+    level: Level = 2.0,
+    *,
+    latency: Literal["constant", "jitter", "profile"] | None = None,
+    delay: ByLevel | None = None,
+    jitter: ByLevel | None = None,
+    profile: str | PathLike[str] | None = None,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Applies a control some time after the frame that it answers: always the same, with jitter, or as it was
+    measured.
+
+    latency: constant: always `delay`; jitter: `delay`, and as much again as is drawn for each control; profile:
+        latencies of a file in their order (default "constant").
+    delay: how late a control is; without effect with a profile (s; 0 to 4; by level 0.05, 0.1, 0.2, 0.35, 0.5).
+    jitter: mean of what jitter adds, which is distributed exponentially; only with `latency=jitter` (s; 0 to 4; by
+        level 0.025, 0.05, 0.1, 0.175, 0.25).
+    profile: a file with measured latencies in milliseconds, one a line; after the last one the first follows; only
+        with `latency=profile`.
+    factor: what measured latencies are multiplied by; only with `latency=profile` (0 to 1000; by level 0.25, 0.5,
+        1, 2, 4).
+    Source: Latency from frame to control as in Falanga, Kim and Scaramuzza, How fast is too fast? (2019), and its
+        variation as in RFC 3393; delayed outputs are among the timing faults of AVFI: Jha et al., AVFI: Fault
+        injection for autonomous vehicles (2018).
+    Not part of the default set.
+    """
+
+def late_speed(
+    level: Level = 2.0,
+    *,
+    delay: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Tells the driver the speed of some time ago.
+
+    delay: how much later the driver gets a reading; at most 120 frames (s; 0 to 2; by level 0.1, 0.2, 0.4, 0.7, 1).
+    Source: Delayed sensor data, one of the timing faults of AVFI: Jha et al., AVFI: Fault injection for autonomous
+        vehicles (2018).
+    Not part of the default set.
+    """
+
+def limited_controls(
+    level: Level = 2.0,
+    *,
+    steering: ByLevel | None = None,
+    throttle: float | None = None,
+    brake: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Limits how far the vehicle steers, and how much it accelerates and brakes.
+
+    steering: most steering to either side, as a share of full lock (0 to 1; by level 0.3, 0.2, 0.15, 0.1, 0.06).
+    throttle: most throttle (0 to 1; default 1.0).
+    brake: most brake (0 to 1; default 1.0).
+    Source: Saturation of an actuator, as in Rajamani, Vehicle dynamics and control (2012).
+    Not part of the default set.
+    """
+
 def lost_blocks(
     level: Level = 2.0,
     *,
     lost: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1094,12 +1303,63 @@ def lost_blocks(
     Not part of the default set.
     """
 
+def lost_controls(
+    level: Level = 2.0,
+    *,
+    lost: ByLevel | None = None,
+    burst: ByLevel | None = None,
+    applies: Literal["last", "nothing"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Loses controls in bursts, while the vehicle keeps to the last one that came.
+
+    lost: share of the controls that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
+    burst: how many controls are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 1, 2, 4,
+        8, 16).
+    applies: what is applied in place of a lost control: last: the last one that came; nothing: wheels straight,
+        neither throttle nor brake (default "last").
+    Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); lost messages are among the timing
+        faults of AVFI: Jha et al., AVFI: Fault injection for autonomous vehicles (2018).
+    Not part of the default set.
+    """
+
+def lost_speed(
+    level: Level = 2.0,
+    *,
+    lost: ByLevel | None = None,
+    burst: ByLevel | None = None,
+    shows: Literal["last", "zero", "unknown"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Loses readings of the speed in bursts, and tells the driver the last one meanwhile.
+
+    lost: share of the readings that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
+    burst: how many readings are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 2, 4, 6,
+        10, 16).
+    shows: what the driver gets in place of a lost reading: last: the last one that came; zero: a standing vehicle;
+        unknown: that the speed is not known (default "last").
+    Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); stuck values of sensors in ISO
+        26262-5:2018, annex D.
+    Not part of the default set.
+    """
+
 def low_pass_filter(
     level: Level = 2.0,
     *,
     kernel_size: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1117,6 +1377,7 @@ def motion_blur(
     degrees: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1139,6 +1400,7 @@ def night(
     engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1155,6 +1417,25 @@ def night(
     Not part of the default set.
     """
 
+def noisy_speed(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds normally distributed noise to the speed that the driver gets.
+
+    sigma: standard deviation of the noise (m/s; 0 to 100; by level 0.2, 0.5, 1, 2, 4).
+    Source: White noise of a sensor; sensor noise is among the faults of AVFI: Jha et al., AVFI: Fault injection for
+        autonomous vehicles (2018).
+    Not part of the default set.
+    """
+
 def object_overlay(
     level: Level = 2.0,
     *,
@@ -1162,6 +1443,7 @@ def object_overlay(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1187,6 +1469,7 @@ def overlay(
     seconds: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1198,12 +1481,12 @@ def overlay(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "cross-fade").
-    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
-        it where the clip follows that (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or, if the clip follows the vehicle's
+        speed, what that makes of it (Hz; 0 to 1000; default 0.0).
     clip: video (its sound is not used), animated or still picture, or folder of pictures; before a screen of one
         colour, or with an alpha channel; or the name of a clip of pdk's own, such as built-in:birds.
     key: colour of the screen, such as #05c142; `auto` or nothing: found in the clip.
-    seconds: what the clip has beyond this length is not used (s; 0.01 to 3600; default 30.0).
+    seconds: how much of the clip is used at most (s; 0.01 to 3600; default 30.0).
     Source: Chroma keying by screen subtraction: Jack, Video Demystified.
     Not part of the default set.
     """
@@ -1216,6 +1499,7 @@ def partial_frames(
     fill: Literal["previous", "last_row", "black"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1236,6 +1520,7 @@ def phase_scrambling(
     strength: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1254,6 +1539,7 @@ def pixelate(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1274,6 +1560,7 @@ def poisson_noise(
     k: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1291,6 +1578,7 @@ def posterize_filter(
     tones: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1300,6 +1588,25 @@ def posterize_filter(
     tones: number of tones; need not be whole, it divides the range of values (2 to 256; by level 128, 64, 32, 8,
         4).
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: uniform quantisation of each channel.
+    """
+
+def quantised_controls(
+    level: Level = 2.0,
+    *,
+    step: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Rounds controls to steps, as coarse messages or switched actuators do.
+
+    step: the distance between two values, of which there are those from -1 to 1 (0 to 2; by level 0.02, 0.05, 0.1,
+        0.2, 0.4).
+    Source: Uniform mid-tread quantisation, as in Widrow and Kollár, Quantization noise (2008).
+    Not part of the default set.
     """
 
 def raindrops_on_lens(
@@ -1313,6 +1620,7 @@ def raindrops_on_lens(
     since: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1341,6 +1649,7 @@ def rainy(
     engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1363,6 +1672,7 @@ def reflection_filter(
     share: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1382,6 +1692,7 @@ def reordered_frames(
     spread: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1410,6 +1721,7 @@ def repaint(
     overlap: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1425,8 +1737,8 @@ def repaint(
         "auto").
     scale: the range of pixel values that the network was trained on (default "0..255").
     color: the order of colours that the network was trained on (default "rgb").
-    width: width of the network's image where the file leaves it open (px; 1 to 4096; default 256).
-    height: height of the network's image where the file leaves it open (px; 1 to 4096; default 256).
+    width: width of the network's image if the file leaves it open (px; 1 to 4096; default 256).
+    height: height of the network's image if the file leaves it open (px; 1 to 4096; default 256).
     result: the range of the numbers that the network gives; auto finds it out from a picture with all colours
         (default "auto").
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
@@ -1444,6 +1756,7 @@ def rotate_image(
     degrees: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1463,6 +1776,7 @@ def sample_pairing_filter(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1480,6 +1794,7 @@ def saturation_decrease_filter(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1496,6 +1811,7 @@ def saturation_filter(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1512,6 +1828,7 @@ def scale_image(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1530,6 +1847,7 @@ def sharpen_filter(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1548,6 +1866,7 @@ def shear_image(
     factor: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1560,6 +1879,27 @@ def shear_image(
     Not part of the default set.
     """
 
+def slow_controls(
+    level: Level = 2.0,
+    *,
+    steering: ByLevel | None = None,
+    throttle: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Limits how fast the steering and the pedals move.
+
+    steering: how far the steering moves in a second, as a share of the way from the middle to full lock (1/s; 0 to
+        1000; by level 1, 0.5, 0.25, 0.12, 0.06).
+    throttle: how far throttle and brake move in a second, likewise (1/s; 0 to 1000; default 1000.0).
+    Source: Rate limit of an actuator, as in Rajamani, Vehicle dynamics and control (2012).
+    Not part of the default set.
+    """
+
 def snow_filter(
     level: Level = 2.0,
     *,
@@ -1567,6 +1907,7 @@ def snow_filter(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1591,6 +1932,7 @@ def snow_on_lens(
     since: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1615,6 +1957,7 @@ def speckle_noise_filter(
     sigma: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1633,6 +1976,7 @@ def splatter_mapping(
     largest_radius: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1653,6 +1997,7 @@ def static_lightning_filter(
     horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1675,6 +2020,7 @@ def static_object_overlay(
     horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1698,6 +2044,7 @@ def static_rain_filter(
     haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1720,6 +2067,7 @@ def static_smoke_filter(
     fit: Literal["cover", "stretch"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1742,6 +2090,7 @@ def static_snow_filter(
     haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1767,6 +2116,7 @@ def static_sun_filter(
     veil: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1784,6 +2134,45 @@ def static_sun_filter(
     Source: A loop over a green screen, drawn by this project.
     """
 
+def steering_offset(
+    level: Level = 2.0,
+    *,
+    offset: ByLevel | None = None,
+    side: Literal["drawn", "left", "right"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shifts the steering to one side, as a wrong zero of its sensor does.
+
+    offset: how far, as a share of full lock (0 to 1; by level 0.02, 0.05, 0.1, 0.15, 0.25).
+    side: to which side (default "drawn").
+    Source: Offset errors of sensors in ISO 26262-5:2018, annex D.
+    Not part of the default set.
+    """
+
+def steering_play(
+    level: Level = 2.0,
+    *,
+    play: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Gives the steering play, so that the wheels follow only when it is used up.
+
+    play: how far the steering turns before the wheels follow, as a share of full lock (0 to 2; by level 0.02, 0.05,
+        0.1, 0.2, 0.4).
+    Source: Backlash as in Nordin and Gutman, Controlling mechanical systems with backlash: a survey (2002).
+    Not part of the default set.
+    """
+
 def translate_image(
     level: Level = 2.0,
     *,
@@ -1792,6 +2181,7 @@ def translate_image(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1813,6 +2203,7 @@ def white_balance_filter(
     weight: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1831,6 +2222,7 @@ def zigzag_mapping(
     frequency: ByLevel | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
@@ -1852,6 +2244,7 @@ def zoom_blur(
     variant: Literal["published", "corrected"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,

@@ -302,7 +302,7 @@ class Pool:
         return {told["hash"]: self._sender.sent[told["hash"]] for _, told in files}
 
     def _give(self, name):
-        """Gives what waits in a group to actors that have nothing to do, and asks for more where there are too few."""
+        """Gives what waits in a group to actors that have nothing to do, and asks for more if there are too few."""
         group = self._groups[name]
         while group.waiting and group.idle:
             self._run(self._work(group.idle.pop(), group.waiting.popleft()))
@@ -354,7 +354,7 @@ class Pool:
             # It is there, and cannot do it.
             raise
         except self._ray.exceptions.RayError as raised:
-            # Another is asked for where it is still needed.
+            # Another is asked for if it is still needed.
             self._lose(actor)
             # Several that are lost at once, with their machine, are one failure.
             self._failed += self._failed == failed_before

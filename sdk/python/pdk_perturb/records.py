@@ -133,7 +133,7 @@ class Record:
             return pandas.DataFrame([json.loads(line) for line in lines])
 
     def trace(self, scenario: int | str) -> Path:
-        """The file with the trace of a scenario, an MCAP: by its number in the record, its id, or its name where that is unique."""
+        """The file with the trace of a scenario, an MCAP: by its number in the record, its id, or its name if that is unique."""
         return self._trace(scenario)[0]
 
     def _trace(self, scenario):

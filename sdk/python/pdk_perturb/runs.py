@@ -87,7 +87,7 @@ def run(
 
 
 def _caller():
-    """The file with the program that runs, where there is one."""
+    """The file with the program that runs, if there is one."""
     file = getattr(sys.modules.get("__main__"), "__file__", None)
     return [] if file is None or not Path(file).is_file() else ["--program", str(file)]
 

@@ -121,7 +121,7 @@ class Transform:
         return f"Transform({self.perturbation!r}, level={self.level}, p={self.p}, seed={self.seed})"
 
     def set_epoch(self, epoch: int) -> None:
-        """Says which epoch it is, also to workers that run already. `Indexed.set_epoch` counts more where there is one."""
+        """Says which epoch it is, also to workers that run already. `Indexed.set_epoch` counts more if there is one."""
         self._epoch.set(epoch)
 
     def __call__(self, *arguments: Any, sample: int | None = None, **targets: Any) -> Any:
@@ -304,7 +304,7 @@ def _moved_mask(mask, sources, outside):
 
 
 def _ends(level):
-    """The lowest and the highest intensity, which are the same where there is one."""
+    """The lowest and the highest intensity, which are the same if there is one."""
     ends = (level,) if isinstance(level, Real) else tuple(level) if isinstance(level, (tuple, list, numpy.ndarray)) else ()
     if len(ends) not in (1, 2) or not all(isinstance(end, Real) for end in ends) or ends[0] > ends[-1]:
         raise ValueError(f"`level` is {level}, but has to be one intensity, or the lowest and the highest")

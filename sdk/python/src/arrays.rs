@@ -192,7 +192,7 @@ pub fn unfit(value: &Bound<'_, PyAny>) -> PyErr {
     let remedy = match value.cast::<PyUntypedArray>() {
         Err(_) => "make one with numpy.asarray(image)",
         Ok(array) if !array.dtype().is_equiv_to(&numpy::dtype::<u8>(value.py())) => {
-            "convert it, such as with (255 * image).round().astype(numpy.uint8) where its values are from 0 to 1"
+            "convert it, such as with (255 * image).round().astype(numpy.uint8) if its values are from 0 to 1"
         }
         Ok(array) if array.ndim() == 2 => {
             "repeat grey three times: numpy.repeat(image[..., None], 3, axis=2)"

@@ -97,7 +97,7 @@ impl Perturbation {
         Ok(result)
     }
 
-    /// Begins another sequence: with its first frame, and with another seed where one is given.
+    /// Begins another sequence: with its first frame, and with another seed if one is given.
     #[pyo3(signature = (seed=None))]
     fn reset(&self, py: Python<'_>, seed: Option<u64>) -> PyResult<()> {
         seed.map_or(Ok(()), |seed| check_seed(py, seed))?;

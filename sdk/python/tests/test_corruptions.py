@@ -1,4 +1,4 @@
-"""The suite of ImageNet-C, beside the package imagecorruptions where that is installed."""
+"""The suite of ImageNet-C, beside the package imagecorruptions if that is installed."""
 
 import importlib
 

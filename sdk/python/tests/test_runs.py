@@ -137,7 +137,7 @@ def test_a_run_is_shown_and_fails_with_one_exception(tmp_path, capsys):
     assert "table" in shown.out and "2.5\t2" in shown.err
     with pytest.raises(pdk.Error, match="there is no `levle`|has no setting `levle`; did you mean `level`"):
         pdk.run(script, {"levle": 1})
-    with pytest.raises(pdk.Error, match="comes with no pipeline `quickstrat`.*quickstart") as raised:
+    with pytest.raises(pdk.Error, match="no built-in pipeline `quickstrat`.*quickstart") as raised:
         pdk.run("quickstrat")
     assert raised.value.record is None
     script.write_text("pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 1, scenarios = { {} } }) error('no more')")

@@ -12,7 +12,7 @@ use crate::{UNIT, of_each, search, space};
 
 /// The largest of the whole numbers, from 0.
 const WHOLE: f64 = 40.0;
-/// Two failures are of different kinds where they are farther apart than this, as in the record of a search.
+/// Two failures are of different kinds if they are farther apart than this, as in the record of a search.
 const DISTINCT: f64 = 0.1;
 
 /// The measures of a search.
@@ -81,7 +81,7 @@ pub fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str],
 /// What came of a search.
 struct Measured {
     measures: [f64; 4],
-    /// Evaluations until the first failure; one more than there were where there was none.
+    /// Evaluations until the first failure; one more than there were if there was none.
     first: f64,
     /// The strategy's own time.
     own: Duration,

@@ -17,7 +17,7 @@ pub struct Cell {
 /// A difference counts where a table's tests together err with this probability at most.
 const ERROR: f64 = 0.05;
 
-/// Prints the tables. A mean is bold where it is better than that of random search, and in italics where it is worse, by the
+/// Prints the tables. A mean is bold if it is better than that of random search, and in italics if it is worse, by the
 /// test of Mann and Whitney and Holm's correction for all comparisons of the table.
 pub fn tables(cells: &[Cell]) {
     let mut strategies: Vec<&str> = Vec::new();
@@ -77,7 +77,7 @@ pub fn tables(cells: &[Cell]) {
     }
 }
 
-/// The largest p that counts by the procedure of Holm (1979); below 0 where none does.
+/// The largest p that counts by the procedure of Holm (1979); below 0 if none does.
 fn holm(tests: &mut [f64]) -> f64 {
     tests.sort_by(f64::total_cmp);
     let count = tests.len();

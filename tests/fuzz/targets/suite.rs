@@ -4,7 +4,8 @@
 
 use libfuzzer_sys::fuzz_target;
 use pdk_gate::loaded::Loaded;
-use pdk_gate::step::{Series, step};
+use pdk_gate::series::Series;
+use pdk_gate::step::step;
 use pdk_pipeline::program::Text;
 
 fuzz_target!(|data: &[u8]| {

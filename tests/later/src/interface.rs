@@ -7,81 +7,11 @@ use std::ffi::c_void;
 use abi_stable::StableAbi;
 use abi_stable::library::RootModule;
 use abi_stable::sabi_types::VersionStrings;
-use pdk_abi::{
-    Control, DatasetFunctionsRef, DriveContext, Frame, Instance, MaskFunctionsRef, PerturbationFunctionsRef,
-    PredictorFunctionsRef, SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status,
-    Text,
-};
+// What is declared here comes before what has the same name there.
+use pdk_abi::*;
 
-/// The functions of a plugin, with two more.
-#[repr(C)]
-#[derive(StableAbi)]
-#[sabi(kind(Prefix(prefix_ref = PluginRef, prefix_fields = PluginPrefix)))]
-pub struct Plugin {
-    pub describe: unsafe extern "C" fn(description: *const Sink, error: *const Sink) -> Status,
-    pub perturbation: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<PerturbationFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub simulator: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<SimulatorFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub driver: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<DriverFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub saliency: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<SaliencyFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub search: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<SearchFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    #[sabi(last_prefix_field)]
-    pub dataset: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<DatasetFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub input_files: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        files: *const Sink,
-        error: *const Sink,
-    ) -> Status,
-    pub mask: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<MaskFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub predictor: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<PredictorFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub horn: unsafe extern "C" fn(
-        index: usize,
-        parameters: Text,
-        into: *mut Instance<HornFunctionsRef>,
-        error: *const Sink,
-    ) -> Status,
-    pub forget: unsafe extern "C" fn(),
-}
+// The functions of a plugin, with two more: see build.rs.
+include!(concat!(env!("OUT_DIR"), "/plugin.rs"));
 
 /// The functions of a driver, with one more.
 #[repr(C)]

@@ -37,7 +37,7 @@ struct LaterControl {
     horn: f64,
 }
 
-/// What a driver knows, with a field more.
+/// The context of a driver, with one more field.
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct LaterContext {
@@ -141,21 +141,23 @@ unsafe extern "C" fn info(_object: *mut c_void, info: *const Sink, _error: *cons
     DONE
 }
 
+macro_rules! nothing {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
+        /// A plugin that makes nothing.
+        const NOTHING: Plugin = Plugin {
+            describe,
+            input_files,
+            $($name: never,)*
+            horn: never,
+            forget: unknown,
+        };
+    };
+}
+
+pdk_abi::each_kind!(nothing);
+
 extern "C" fn root_module() -> RootModuleResult {
-    const PLUGIN: &WithMetadata<Plugin> = &WithMetadata::new(Plugin {
-        describe,
-        perturbation: never,
-        simulator: never,
-        driver,
-        saliency: never,
-        search: never,
-        dataset: never,
-        input_files,
-        mask: never,
-        predictor: never,
-        horn: never,
-        forget: unknown,
-    });
+    const PLUGIN: &WithMetadata<Plugin> = &WithMetadata::new(Plugin { driver, ..NOTHING });
     // SAFETY: the host compares the layout in the header before it uses it.
     ROk(unsafe { PluginRef(PLUGIN.static_as_prefix()).to_prefix_ref().cast() })
 }

@@ -16,12 +16,12 @@ const NOT_SHOWN: [&str; 2] = ["large_camera", "draw"];
 pub struct Manner {
     /// The value of the parameter `how`.
     pub how: String,
-    /// The only frame at which it does; at all of them where there is none.
+    /// The only frame at which it does; at all of them if there is none.
     only_at: Option<u64>,
 }
 
 impl Manner {
-    /// Reads the parameters, and misbehaves if that is where it does.
+    /// Reads the parameters, and misbehaves if that is if it does.
     pub fn new(config: &Config) -> Self {
         let manner =
             Self { how: config.text("how").to_owned(), only_at: u64::try_from(config.integer("at")).ok() };
@@ -34,19 +34,19 @@ impl Manner {
         self.how == how
     }
 
-    /// Misbehaves if this function is where it does.
+    /// Misbehaves if this function is if it does.
     pub fn reach(&self, function: &str) {
         misbehave(&self.how, function);
     }
 
-    /// Misbehaves if this function and frame are where it does.
+    /// Misbehaves if this function and frame are if it does.
     pub fn reach_frame(&self, function: &str, frame: u64) {
         if self.is_at(frame) {
             self.reach(function);
         }
     }
 
-    /// Does to the process what it is asked to, if this frame is where it does.
+    /// Does to the process what it is asked to, if this frame is if it does.
     pub fn disturb(&self, frame: u64) {
         if self.is_at(frame) {
             process::disturb(&self.how);

@@ -1,7 +1,7 @@
 //! A pool of workers for `pdk run --pool`: it starts some workers on this machine and passes lines on between them and the
 //! session. A pool for a cluster differs in one place only, which is how it starts a worker.
 //!
-//! `pool SLOTS [PDK]`: this many processes `PDK worker`, which is the `pdk` beside this program where none is named.
+//! `pool SLOTS [PDK]`: this many processes `PDK worker`, which is the `pdk` beside this program if none is named.
 //!
 //! A worker that is lost is started anew and gets its job again; one that is lost over and over ends the pool.
 
@@ -17,7 +17,7 @@ type Result<T> = std::result::Result<T, String>;
 /// How often a worker is started for one job.
 const TRIES: u32 = 3;
 
-/// A line of the session, where there is no slot, or of the worker of a slot; no line at its end.
+/// A line of the session, if there is no slot, or of the worker of a slot; no line at its end.
 type Event = (Option<usize>, Option<String>);
 
 struct Worker {

@@ -75,9 +75,9 @@ fn what_is_given_twice_is_refused() {
     run(&["n=1", "n=2"]).fail(1, &["--set n is given more than once"]);
     run(&["seed=1", "seed=1"]).fail(1, &["--set seed is given more than once"]);
     run(&[r#"driver={"name":"lane_keeper","name":"dave2"}"#])
-        .fail(1, &["--set driver", "the key `name` is there twice"]);
+        .fail(1, &["--set driver", "the key `name` occurs twice"]);
     run(&[r#"driver.target_speed={"a":1,"a":2}"#])
-        .fail(1, &["--set driver.target_speed", "the key `a` is there twice"]);
+        .fail(1, &["--set driver.target_speed", "the key `a` occurs twice"]);
     assert!(!folder.path().join("runs").exists());
     pictures::write(&folder.path().join("in.png"), 16, 12);
     perturb(
@@ -86,7 +86,7 @@ fn what_is_given_twice_is_refused() {
         r#"contrast,level={"ramp":{"from":0,"to":1,"to":4,"end":1}}"#,
         "out.png",
     )
-    .fail(1, &["the key `to` is there twice"]);
+    .fail(1, &["the key `to` occurs twice"]);
     Pdk::new(["doctor", "--simulator", "lane", "--set", "width=64", "--set", "width=128"])
         .fail(1, &["--set width is given more than once"]);
 }

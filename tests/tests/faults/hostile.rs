@@ -236,7 +236,7 @@ fn a_script_that_was_meant_as_a_perturbation_gets_a_reason_why_it_is_not_one() {
     }
 }
 
-/// A file of those that ask for much, where they are at hand.
+/// A file of those that ask for much, if they are at hand.
 fn attack(name: &str) -> Option<PathBuf> {
     let data = std::env::var_os("PDK_TEST_DATA")
         .map_or_else(|| pdk_tests::repository().join("../shared"), PathBuf::from);

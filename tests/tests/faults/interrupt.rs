@@ -7,7 +7,7 @@ use std::process::Child;
 use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
+use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal, takes};
 use pdk_tests::records::{assert_equal, files, lines, partial, wait_for_lines, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
 use rustix::process::Signal;
@@ -171,31 +171,46 @@ fn the_second_interrupt_and_term_drop_what_is_in_flight() {
     assert!(ledger("int") == ledger("short") && ledger("term") == ledger("short"));
 }
 
+/// Whether a run has come so far, from its record and its processes.
+type Come = fn(&Child, &BusFolder, &Path) -> bool;
+
+/// What a run does at its beginning, in this order.
+const BEGINNING: [Come; 7] = [
+    |_, _, _| true,
+    |child, _, _| takes(child, Signal::INT) && takes(child, Signal::TERM),
+    |_, bus, _| bus.processes().iter().any(|process| process.command.ends_with(" worker")),
+    |_, bus, _| bus.processes().iter().any(|process| process.command.ends_with(" worker --components")),
+    |_, _, out| out.is_dir(),
+    |_, bus, _| !bus.buses().is_empty(),
+    |_, _, out| !partial(out).is_empty(),
+];
+
 #[test]
 fn a_run_that_has_hardly_begun_can_be_ended() {
     let folder = temp();
     let script = pipeline(folder.path(), AT_ONCE);
-    let bus = BusFolder::new();
-    let (variable, value) = bus.variable();
-    for number in 0..16 {
-        let (sent, code) = if number % 2 == 0 { (Signal::INT, 130) } else { (Signal::TERM, 143) };
-        let out = folder.path().join(number.to_string());
-        let child = run(&script, &out).env(variable, value).spawn();
-        std::thread::sleep(Duration::from_millis(number * 25));
-        signal(&child, sent);
-        let (found, said) = end(child);
-        // Before it watches for signals, they end it like any program.
-        assert!(
-            found == Some(code) && said.len() == 1 || found.is_none() && said.is_empty(),
-            "{number}: {found:?} {said:?}"
-        );
-        if out.join("scenarios.jsonl").is_file() {
-            json_lines(&out.join("scenarios.jsonl"));
-            assert!(found.is_none() || partial(&out).is_empty(), "{number}: {:?}", partial(&out));
+    for (sent, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        for (number, when) in BEGINNING.into_iter().enumerate() {
+            let bus = BusFolder::new();
+            let (variable, value) = bus.variable();
+            let out = folder.path().join(format!("{code}-{number}"));
+            let child = run(&script, &out).env(variable, value).spawn();
+            assert!(comes_true(LIMIT, || when(&child, &bus, &out)), "{number} has not begun");
+            signal(&child, sent);
+            let (found, said) = end(child);
+            // Before it watches for signals, they end it like any program.
+            assert!(
+                found == Some(code) && said.len() == 1 || number == 0 && found.is_none() && said.is_empty(),
+                "{number}: {found:?} {said:?}"
+            );
+            if out.join("scenarios.jsonl").is_file() {
+                json_lines(&out.join("scenarios.jsonl"));
+                assert_eq!(partial(&out), Vec::<PathBuf>::new(), "{number}");
+            }
+            assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{number}: {:?}", bus.processes());
+            assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{number}");
         }
     }
-    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
-    assert_eq!(bus.left(), Vec::<PathBuf>::new());
 }
 
 #[test]
@@ -223,7 +238,7 @@ fn what_is_dropped_keeps_what_an_earlier_process_recorded() {
         assert_eq!(code, Some(143), "{said:?}");
         assert_eq!(is_whole(&out), 1);
         let mut found = files(&out);
-        // It holds what this process came to.
+        // It holds the results of this process.
         found.remove(Path::new("summary.json"));
         match &expected {
             None => expected = Some(found),

@@ -63,7 +63,7 @@ const ENDS: [(&str, &str, &str); 6] = [
     ("segfault", "lost", "was ended by signal 11 (SIGSEGV, memory that it may not use)"),
     ("exit", "lost", "ended the process with exit code 0 (a component has to return an error"),
     ("quit", "lost", "ended the process with exit code 0 (a component has to return an error"),
-    ("kill", "lost", "was ended by signal 9 (SIGKILL) (killed from outside, or for want of memory)"),
+    ("kill", "lost", "was ended by signal 9 (SIGKILL) (killed from outside, or because memory ran out)"),
 ];
 
 /// These ways in every function.
@@ -322,7 +322,7 @@ fn whatever_cannot_be_is_refused_or_an_error() {
         nonsense("simulator", "huge_time", "its time is 1e308 s"),
         nonsense("simulator", "time_jumps", "its time jumps from 0.1 to 100000.0 s"),
         nonsense("simulator", "time_falls", "its time falls from 0.1 to 0.0 s, in the state of frame 3"),
-        nonsense("simulator", "stand_still", "its time goes on from 0.0 to 0.0 s with a control"),
+        nonsense("simulator", "stand_still", "its time advances from 0.0 to 0.0 s with a control"),
         nonsense("simulator", "babble", "answered with what cannot be read"),
         nonsense("driver", "babble", "answered with what cannot be read"),
         nonsense("driver", "no_number", "it steers NaN"),

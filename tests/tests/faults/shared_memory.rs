@@ -35,7 +35,7 @@ const SOURCE: &str = r#"
     })
 "#;
 
-/// Overwrites some places of a file, or cuts it off; false where it is gone meanwhile.
+/// Overwrites some places of a file, or cuts it off; false if it is gone meanwhile.
 fn damage(path: &Path, random: &mut Random) -> bool {
     let try_it = |random: &mut Random| -> std::io::Result<()> {
         let mut file: File = OpenOptions::new().write(true).open(path)?;

@@ -266,7 +266,7 @@ fn what_cannot_say_where_it_moves_things_is_refused_where_there_are_labels() {
         run("set", &[&with[..], &["--labels", "keep"]].concat(), &format!("{name}-keep")).succeed();
     }
     let suite = |name: &str| corrupt(folder.path(), "set", &["--suite", name], "suite");
-    suite("default").fail(1, &["sample_pairing_filter", "cannot say"]);
+    suite("default").fail(1, &["sample_pairing_filter", "cannot describe"]);
     suite("defaults").fail(1, &["there is no suite `defaults`", "`imagenet_c`"]);
     fs::write(folder.path().join("set/a.xml"), "<annotation><bndbox/></annotation>").unwrap();
     run("set", &["--with", "rotate_image@1"], "xml").fail(1, &["a.xml", "COCO"]);
@@ -392,6 +392,19 @@ fn mirrors_turn_the_steering_of_a_table_or_are_refused() {
     // Pictures of several cameras would have to change places, and nothing says which.
     pictures::road(48, 32, 9).save(data.join("left_0.png")).unwrap();
     corrupt(folder.path(), dataset, &with, "cameras").fail(1, &["several cameras", "--plain"]);
+}
+
+#[test]
+fn a_recording_without_pictures_of_its_own_is_refused_for_its_own_reason() {
+    let folder = temp();
+    fs::create_dir_all(folder.path().join("old/meta")).unwrap();
+    let info = json!({"fps": 10, "codebase_version": "v1.6", "features": {"cam": {"dtype": "video"}}});
+    fs::write(folder.path().join("old/meta/info.json"), info.to_string()).unwrap();
+    let with = ["--with", "fog_filter@1"];
+    corrupt(folder.path(), "old", &with, "out")
+        .fail(1, &["version `1.6`", "READER,path=DIR,PARAMETER=VALUE"]);
+    fs::create_dir(folder.path().join("empty")).unwrap();
+    corrupt(folder.path(), "empty", &with, "out").fail(1, &["`empty` has no pictures", "pdk list dataset"]);
 }
 
 #[test]

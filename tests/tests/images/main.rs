@@ -4,6 +4,7 @@
 
 mod corrupt;
 mod geometry;
+mod gradient;
 mod masks;
 mod networks;
 mod offline;

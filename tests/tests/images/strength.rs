@@ -1,4 +1,4 @@
-//! The strength of every perturbation grows with its intensity, on frames of the embedded simulator and, where there are
+//! The strength of every perturbation grows with its intensity, on frames of the embedded simulator and, if there are
 //! some, on photographs of real roads. Those whose published levels are out of order say with which settings it grows.
 
 use std::sync::Mutex;

@@ -220,7 +220,7 @@ fn check_links(page: &Path) {
         }
         let (target, heading) = link.split_once('#').unwrap_or((link, ""));
         let file = if target.is_empty() { page.to_owned() } else { folder.join(target) };
-        assert!(file.exists(), "{} points to {target}, which is not there", page.display());
+        assert!(file.exists(), "{} points to {target}, which does not exist", page.display());
         if !heading.is_empty() {
             let there = headings(&std::fs::read_to_string(&file).unwrap());
             assert!(there.iter().any(|found| found == heading), "{}: no heading for {link}", page.display());
@@ -248,7 +248,7 @@ fn headings(text: &str) -> Vec<String> {
 #[test]
 fn the_failures_in_the_documents_fail() {
     let folder = temp();
-    // `auto` is ONNX Runtime where it is installed.
+    // `auto` is ONNX Runtime if it is installed.
     for engine in ["tract", "auto"] {
         for name in ["fog_filter", "grayscale_filter", "false_color_filter"] {
             let out = folder.path().join(format!("{name}-{engine}"));

@@ -46,6 +46,7 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ("grid", "kernel/tool/watch/src/template/", "a layout of CSS"),
     ("video", "kernel/tool/watch/src/server.rs", "a media type"),
     ("gradient", "kernel/tool/report/src/", "a blend of colours in CSS"),
+    ("gradient", "kernel/tool/cli/src/verbs/", "a verb, and what it writes"),
     ("onnx", "kernel/tool/cli/", "the format of networks, whose files `pdk show` shows"),
 ];
 

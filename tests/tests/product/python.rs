@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use pdk_model::perturbation::MODIFIERS;
 use pdk_tests::{built, repository, temp};
 
-/// A command that has to succeed, with what it said where it does not.
+/// A command that has to succeed, with what it said if it does not.
 #[track_caller]
 fn succeed(command: &mut Command) {
     let output = command.stdin(Stdio::null()).output().unwrap();

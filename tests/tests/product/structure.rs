@@ -185,7 +185,7 @@ fn passed_on(sources: &[Source], modules: &BTreeSet<Vec<String>>) -> PassedOn {
         let code = without_comments(&source.code);
         let statements = code.split(';').filter_map(|statement| {
             let (before, path) = statement.rsplit_once("use ")?;
-            // Behind the end of the statement before, there is the visibility alone.
+            // Between the previous statement and the keyword there is only the visibility.
             before
                 .trim()
                 .rsplit(['}', '\n'])

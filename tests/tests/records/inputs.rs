@@ -39,7 +39,7 @@ fn other_weights_beside_a_network_are_another_run() {
     let first = part("1");
     weigh(5);
     let second = part("2");
-    let difference = format!("the file {} is another", folder.path().join("pilot.bin").display());
+    let difference = format!("the file {} is a different one", folder.path().join("pilot.bin").display());
     run(&out, &script)
         .set("driver", &driver)
         .fail(1, &["holds the record of another run", &difference, "--out"]);
@@ -80,7 +80,7 @@ fn another_picture_of_a_dataset_is_another_run() {
         let before = fs::read(&picture).unwrap();
         pictures::road(32, 24, 9).save(&picture).unwrap();
         let difference = match named {
-            true => format!("the file {} is another", picture.display()),
+            true => format!("the file {} is a different one", picture.display()),
             false => format!(
                 "the files of the dataset in {} ({} in all) are not the same",
                 tub.display(),
@@ -95,7 +95,7 @@ fn another_picture_of_a_dataset_is_another_run() {
         let lines = fs::read_to_string(&catalog).unwrap();
         fs::write(&catalog, lines.replacen("\"user/throttle\":0.4", "\"user/throttle\":0.3", 1)).unwrap();
         let difference = match named {
-            true => format!("the file {} is another", catalog.display()),
+            true => format!("the file {} is a different one", catalog.display()),
             false => "are not the same".to_owned(),
         };
         run(&out, &script).fail(1, &["holds the record of another run", &difference]);
@@ -121,7 +121,7 @@ fn another_module_of_a_program_is_another_run() {
     run().fail(1, &["2 of 2 scenarios", "exit status: 3"]);
     for (name, text, before) in [("helper.sh", "exit 4\n", "exit 3\n"), ("weights", "2", "1")] {
         write(name, text);
-        let difference = format!("the file {} is another", folder.path().join(name).display());
+        let difference = format!("the file {} is a different one", folder.path().join(name).display());
         run().fail(1, &["holds the record of another run", &difference]);
         write(name, before);
     }

@@ -320,14 +320,15 @@ fn an_overlay_that_is_gone_is_named() {
     pictures::write(&sticker, 17, 12);
     let ran = replay(&out).run();
     assert_eq!(ran.code, Some(1));
-    let warning = format!("warning: since the run was recorded, the file {} is another", sticker.display());
+    let warning =
+        format!("warning: since the run was recorded, the file {} is a different one", sticker.display());
     assert!(ran.stderr.contains(&warning), "{}", ran.stderr);
     assert_eq!(ran.stdout.matches(", equal").count(), 4, "{}", ran.stdout);
     fs::remove_file(&sticker).unwrap();
     replay(&out)
         .fail(1, &["there is no perturbation `sticker`", &sticker.display().to_string(), "--drop-ins"]);
     let ran = replay(&out).args(["--scenario", "1"]).succeed();
-    assert!(ran.stderr.contains("sticker.png is not there any more"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("sticker.png no longer exists"), "{}", ran.stderr);
 }
 
 #[test]

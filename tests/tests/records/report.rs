@@ -3,8 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::{Pdk, datasets, temp};
+use image::RgbImage;
+use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
+use pdk_tests::processes::{BusFolder, comes_true};
+use pdk_tests::records::wait_for_lines;
+use pdk_tests::{Pdk, datasets, onnx, temp};
 use serde_json::Value;
 
 /// Three scenarios on a straight road in small frames; the last one leaves the lane.
@@ -297,6 +300,72 @@ fn an_offline_run_has_a_page_of_its_numbers() {
     assert_eq!(report(&record).arg("--json").succeed().json()["unfinished"], true);
     fs::write(&path, [b"{}\n", &whole[..]].concat()).unwrap();
     report(&record).fail(1, &["results.jsonl:1"]);
+}
+
+#[test]
+fn a_task_that_was_killed_has_the_numbers_of_its_lines() {
+    let folder = temp();
+    // Pieces of 100 pictures are recorded one after the other, so most are not when the first one is.
+    for (class, name) in ["red", "green", "blue"].into_iter().enumerate() {
+        let own = folder.path().join("data").join(name);
+        fs::create_dir_all(&own).unwrap();
+        for number in 0..400_usize {
+            let bright = if number.is_multiple_of(5) { (class + 1) % 3 } else { class };
+            let colour = std::array::from_fn(|channel| if channel == bright { 130 } else { 100 });
+            RgbImage::from_pixel(8, 8, image::Rgb(colour))
+                .save(own.join(format!("{number:03}.png")))
+                .unwrap();
+        }
+    }
+    onnx::colours(&folder.path().join("colours.onnx"), 8, 8);
+    let source = r#"
+        pdk.evaluate({ dataset = pdk.path("data"),
+            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "tract" },
+            task = { kind = "classification", classes = { "red", "green", "blue" } },
+            perturbations = { "gaussian_noise", "contrast" }, levels = { 0, 1, 2, 3, 4 } })
+    "#;
+    let script = pipeline(folder.path(), source);
+    let record = folder.path().join("record");
+    let bus = BusFolder::new();
+    let (variable, value) = bus.variable();
+    let run = || Pdk::new(["run", "--workers", "1", "--out"]).arg(&record).arg(&script).env(variable, value);
+    let mut child = run().spawn();
+    let results = record.join("results.jsonl");
+    wait_for_lines(&mut child, &results, 1);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
+
+    let lines = json_lines(&results);
+    assert!((1..1200 * 11).contains(&lines.len()), "it was not killed on the way: {} lines", lines.len());
+    let error = |label: Option<&str>, level: Option<f64>| {
+        let own: Vec<_> = lines
+            .iter()
+            .filter(|line| line["label"].as_str() == label && line["level"].as_f64() == level)
+            .collect();
+        let wrong = own.iter().filter(|line| line["measured"]["top"][0] != line["measured"]["class"]).count();
+        (own.len(), wrong as f64 / own.len() as f64)
+    };
+    let (pictures, original) = error(None, None);
+    assert!(original > 0.1, "nothing to show: {original}");
+    let said = report(&record).arg("--json").succeed().json();
+    assert_eq!(said["unfinished"], true);
+    let unfinished = page(&record);
+    check_self_contained(&unfinished);
+    assert!(unfinished.contains("Unfinished"), "the page does not say so");
+    let sentence =
+        format!("{pictures} pictures were evaluated for the task under way; top1_error is {original:.3}");
+    assert!(unfinished.contains(&sentence), "{sentence}");
+    for name in ["gaussian_noise", "contrast"] {
+        let wanted: Vec<_> =
+            (0..5).map(|level| format!("{:.3}", error(Some(name), Some(f64::from(level))).1)).collect();
+        assert_eq!(row(&unfinished, name), wanted, "{name}");
+    }
+
+    run().succeed();
+    let said = report(&record).arg("--json").succeed().json();
+    assert_eq!(said["unfinished"], false);
+    assert!(page(&record).contains("1200 pictures were evaluated for classification; top1_error is"));
 }
 
 /// A number of a summary as the page writes it.

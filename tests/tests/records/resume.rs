@@ -224,7 +224,7 @@ fn an_offline_run_goes_on_behind_the_last_whole_frame() {
 #[test]
 fn a_killed_offline_run_loses_only_what_was_under_way() {
     let folder = temp();
-    datasets::folder(&folder.path().join("data"), 1100, 24, 16);
+    datasets::folder(&folder.path().join("data"), 2200, 24, 16);
     let source = r#"
         pdk.evaluate({ dataset = pdk.path("data"), driver = "misbehave", levels = { 2, 4 }, trust = true,
             perturbations = { "contrast", "gaussian_noise", "gaussian_blur", "poisson_noise" } })
@@ -248,7 +248,7 @@ fn a_killed_offline_run_loses_only_what_was_under_way() {
         .find_map(|line| line.split_once(" perturbed frames in ")?.0.parse().ok())
         .unwrap_or_else(|| panic!("{}", ran.stdout));
     // Of a piece that is among the results already there are no lines any more.
-    assert!(driven <= 1100 * 8 - 2 * 500 || known < 5, "{driven} of {}", 1100 * 8);
+    assert!(driven <= 2200 * 8 - 2 * 1000 || known < 5, "{driven} of {}", 2200 * 8);
     assert!(!out.join("results.journal").exists());
     assert_equal(&out, &files(&undisturbed));
 }

@@ -146,7 +146,7 @@ fn shards_that_do_not_belong_together_are_reported() {
     let quarter = folder.path().join("quarter");
     run(&script, &quarter).args(["--shard", "3/4"]).succeed();
     merge(&[parts[0].clone(), quarter], &out).fail(1, &["another division of the run"]);
-    // One that was ended early.
+    // A part that was killed.
     std::fs::remove_file(parts[2].join("shard.json")).unwrap();
     merge(&parts, &out).fail(1, &["part 3/3", "has not come to its end", "--out"]);
     assert!(!out.exists());

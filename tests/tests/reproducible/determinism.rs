@@ -14,15 +14,16 @@ use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, onnx, pictures, records, temp};
 
-/// All perturbations that need no parameter, with whether they draw random numbers.
+/// All perturbations of frames that need no parameter.
 fn perturbations() -> Vec<String> {
     let list = Pdk::new(["list", "perturbation", "--json"]).succeed().json();
     let ready =
         list.as_array().unwrap().iter().map(|component| &component["description"]).filter(|description| {
             let parameters = description["parameters"].as_array().unwrap();
-            parameters
-                .iter()
-                .all(|p| !p["default"].is_null() || p.get("levels").is_some() || p["type"] == "json")
+            description.get("acts_on").is_none()
+                && parameters
+                    .iter()
+                    .all(|p| !p["default"].is_null() || p.get("levels").is_some() || p["type"] == "json")
         });
     let names: Vec<_> = ready.map(|description| description["name"].as_str().unwrap().to_owned()).collect();
     assert!(names.len() >= 12 && names.contains(&"banding".to_owned()), "{names:?}");

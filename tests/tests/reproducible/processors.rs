@@ -1,5 +1,5 @@
 //! The same scenario on other processors: the same id, the same outcome, byte for byte, or a refusal. The processors are emulated by
-//! qemu-user, where it is installed.
+//! qemu-user, if it is installed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ struct Emulator {
 }
 
 impl Emulator {
-    /// None, with a word, where there is no qemu-user or no C compiler.
+    /// None, with a word, if there is no qemu-user or no C compiler.
     fn find(folder: &Path) -> Option<Self> {
         let path = std::env::var_os("PATH")?;
         let Some(qemu) =

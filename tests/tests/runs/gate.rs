@@ -256,7 +256,7 @@ fn what_a_verification_lacks_is_named() {
     forge(&out.join("verdict.json"), |verdict| {
         verdict.new.component.parameters.insert("engine".to_owned(), "tract 0.0.0/abacus".into());
     });
-    verify().fail(1, &["cannot be verified on this machine, whose networks are computed otherwise"]);
+    verify().fail(1, &["cannot be verified on this machine, because it computes networks differently"]);
 }
 
 #[test]
@@ -267,7 +267,7 @@ fn mistakes_are_named() {
         Pdk::new(["gate", old, "lane_keeper", "--suite", suite]).folder(folder.path())
     };
     let file = suite.display().to_string();
-    with("lane_keeper", "smok").fail(1, &["pdk comes with no suite `smok`", "did you mean `smoke`?"]);
+    with("lane_keeper", "smok").fail(1, &["there is no built-in suite `smok`", "did you mean `smoke`?"]);
     with("lane_keper", &file).fail(1, &["there is no driver `lane_keper`; did you mean `lane_keeper`?"]);
     with("missing.onnx", &file).fail(1, &["missing.onnx", "a network is named by its file"]);
     with(".", &file).fail(1, &["is a folder without a record of a run"]);

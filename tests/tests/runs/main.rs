@@ -4,6 +4,7 @@
 
 mod closed_loop;
 mod decide;
+mod devices;
 mod examples;
 mod gate;
 mod gate_recordings;
@@ -12,3 +13,4 @@ mod pool;
 mod search;
 mod session;
 mod shrink;
+mod why;

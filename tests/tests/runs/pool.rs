@@ -8,7 +8,7 @@ use pdk_record::trace::reader::{Entry, TraceReader};
 use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
 use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
-use pdk_tests::{Pdk, datasets, temp};
+use pdk_tests::{Pdk, datasets, onnx, temp};
 use rustix::process::Signal;
 
 const SOURCE: &str = r#"
@@ -59,20 +59,56 @@ fn a_run_through_a_pool_is_the_run_without() {
     assert!(replayed.stdout.contains("12 of 12 equal"), "{}", replayed.stdout);
 }
 
-/// Within a version of the protocol, both sides leave out what they do not know.
+/// The version has grown: both sides leave out what they do not know.
 #[test]
-fn a_pool_of_another_pdk_works_with_a_word() {
+fn a_pool_of_a_later_pdk_works_with_a_word() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
     let here = folder.path().join("here");
     run(&script, &here).args(["--workers", "1"]).succeed();
-    let to = r#"s/"run"/"later":1,"run"/; s/"slot"/"later":[],"slot"/"#;
-    let from = r#"s/"pdk":"[^"]*"/"pdk":"9.9.9","later":{"a":1}/; /"ready"/!s/"success"/"later":2,"success"/; /"ready"/!s/"frames"/"later":3,"frames"/"#;
+    let to = r#"s/"minor":1,"run"/"minor":99,"later":1,"run"/; s/"slot"/"later":[],"slot"/; /"hello"/a {"later":{"a":1}}"#;
+    let from = r#"s/"minor":1,"pdk":"[^"]*"/"minor":99,"pdk":"9.9.9","later":{"a":1}/; /"ready"/!s/"success"/"later":2,"success"/; /"ready"/!s/"frames"/"later":3,"frames"/
+        s!"catalog":\[!&{"description":{"kind":"horn","name":"h"},"file":"/h"},!; /"done"/a {"later":{"a":1}}"#;
     let out = folder.path().join("out");
     let later = format!("sed -u '{to}' | {} | sed -u '{from}'", pool(1));
     let said = run(&script, &out).args(["--pool", &later]).succeed().stderr;
     assert!(said.contains("is of pdk 9.9.9") && said.contains("results may differ"), "{said}");
+    let left_out = "says `later`, which this pdk does not know and leaves out";
+    assert_eq!(said.matches(left_out).count(), 1, "{said}");
+    assert!(said.contains("the session says `later`, which this worker does not know"), "{said}");
     assert_equal(&out, &files(&here));
+}
+
+/// The version has not grown yet at one end, or at the other.
+#[test]
+fn a_pool_of_an_earlier_pdk_works_without_what_it_does_not_have() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let here = folder.path().join("here");
+    run(&script, &here).args(["--workers", "1"]).succeed();
+    let strip = r#"sed -u 's/"minor":1,//'"#;
+    let earlier = format!("{strip} | {} | {strip}", pool(1));
+    let out = folder.path().join("out");
+    let said = run(&script, &out).args(["--pool", &earlier]).succeed().stderr;
+    assert!(!said.contains("warning"), "{said}");
+    assert_equal(&out, &files(&here));
+
+    let data = folder.path().join("data");
+    datasets::folder(&data, 4, 8, 8);
+    onnx::colours(&folder.path().join("colours.onnx"), 8, 8);
+    let evaluate = |looking: &str| {
+        format!(
+            "pdk.evaluate({{ dataset = pdk.path('data'), {looking}, perturbations = {{ 'gaussian_noise' }}, levels = {{ 1 }} }})"
+        )
+    };
+    let driver = pipeline(folder.path(), &evaluate("driver = 'lane_keeper'"));
+    run(&driver, &folder.path().join("driver")).args(["--pool", &earlier]).succeed();
+    let looking = "predictor = { name = 'network', model = pdk.path('colours.onnx'), scale = '0..1', engine = 'tract' },
+        task = { kind = 'function', score = function(seen) return seen.outputs.scores.values[1] end }";
+    let predictor = pipeline(folder.path(), &evaluate(looking));
+    run(&predictor, &folder.path().join("here-too")).succeed();
+    let parts = ["speaks version 2.0", "predictors came with version 2.1", "use a later pdk there"];
+    run(&predictor, &folder.path().join("predictor")).args(["--pool", &earlier]).fail(1, &parts);
 }
 
 /// A field that a worker leaves out of a scenario would be another scenario.

@@ -378,7 +378,7 @@ fn the_published_experiment_runs_small() {
     let found = json_file(&out.join("search.json"));
     assert_eq!(found["evaluations"], 24);
     for test in found["tests"].as_array().unwrap() {
-        // Negative where it failed, and only there.
+        // Negative if it failed, and only there.
         if let Some(criticality) = test["objectives"]["criticality"].as_f64() {
             assert_eq!(criticality < 0.0, test["critical"] == true, "{test}");
         }

@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::Stdio;
-use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, comes_true, ended_within};
-use pdk_tests::records::trace;
+use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal_taken};
+use pdk_tests::records::{partial, trace};
 use pdk_tests::{Finished, Pdk, built, temp};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
@@ -217,16 +216,17 @@ fn ctrl_c_lets_what_is_under_way_finish() {
     let scenario = |repeat: u32| json!({"simulator": "lane", "driver": "lane_keeper", "mode": "realtime", "duration": 2, "repeat": repeat});
     let submitted = ask(json!({"submit": [scenario(0), scenario(1), scenario(2)]}));
     assert_eq!(submitted, json!({"returned": [1, 2, 3]}));
-    std::thread::sleep(Duration::from_millis(500));
-    kill_process(Pid::from_child(&child), Signal::INT).unwrap();
-    std::thread::sleep(Duration::from_millis(300));
+    assert!(comes_true(LIMIT, || !partial(&out).is_empty()), "nothing is under way");
+    signal_taken(&child, Signal::INT);
     let refused = ask(json!({"wait": 3}));
     let end = ask(json!({"end": {}}));
     for failure in [&refused["failed"], &end["end"]["failure"]] {
         assert!(failure["message"].as_str().unwrap().contains("interrupted"), "{refused} {end}");
     }
     assert_eq!(ended_within(&mut child, LIMIT).unwrap().code(), Some(130));
-    assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 1);
+    // On a busy machine the second one may have begun before the signal.
+    let driven = json_lines(&out.join("scenarios.jsonl")).len();
+    assert!((1..3).contains(&driven), "{driven}");
 }
 
 #[test]

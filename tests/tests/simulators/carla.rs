@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use pdk_tests::carla::{CarlaServer, Fault, Setup};
 use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
+use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal, signal_taken};
 use pdk_tests::stand_in::free_ports;
 use pdk_tests::tried::{self, Tried};
 use pdk_tests::{Pdk, pixels, repository, temp};
@@ -354,6 +354,14 @@ fn what_a_killed_worker_left_is_cleared_away_and_what_others_put_there_is_not() 
     assert!(!server.is_synchronous());
 }
 
+/// How long a simulator is away that comes back.
+const AWAY: Duration = Duration::from_secs(1);
+
+/// How many steps the server was asked for.
+fn steps(server: &CarlaServer) -> usize {
+    server.calls().iter().filter(|call| *call == "tick_cue").count()
+}
+
 #[test]
 fn an_interrupted_run_leaves_the_server_as_it_was() {
     for (signals, code) in
@@ -365,15 +373,8 @@ fn an_interrupted_run_leaves_the_server_as_it_was() {
         let run =
             short(folder.path(), &simulator(server.port(), json!({}))).set("duration", 60).set("roads", 50);
         let mut child = run.env(name, value).spawn();
-        let began = Instant::now();
-        while server.calls().iter().filter(|call| *call == "tick_cue").count() < 30 {
-            assert!(began.elapsed() < LIMIT, "it does not drive");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        for one in &signals {
-            signal(&child, *one);
-            std::thread::sleep(Duration::from_millis(100));
-        }
+        assert!(comes_true(LIMIT, || steps(&server) >= 30), "it does not drive");
+        signals.iter().for_each(|one| signal_taken(&child, *one));
         let status = ended_within(&mut child, LIMIT).expect("it ends");
         assert_eq!(status.code(), Some(code), "{signals:?}");
         let gone = comes_true(LIMIT, || bus.processes().is_empty());
@@ -408,7 +409,7 @@ fn an_unsupported_server_version_is_reported() {
             let mut kept = Vec::new();
             listener.set_nonblocking(true).unwrap();
             let began = Instant::now();
-            while began.elapsed() < Duration::from_secs(60) {
+            while began.elapsed() < LIMIT {
                 if let Ok((mut stream, _)) = listener.accept() {
                     let _ = stream.write_all(said);
                     kept.push(stream);
@@ -463,18 +464,16 @@ fn one_that_comes_back_is_used_again() {
     let server = CarlaServer::start(Setup { fault: Some((Fault::Close, 15)), ..Setup::default() });
     let port = server.port();
     let back = std::thread::spawn(move || {
-        while server.calls().iter().filter(|call| *call == "tick_cue").count() < 15 {
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        assert!(comes_true(LIMIT, || steps(&server) >= 15), "it does not drive");
         drop(server);
-        std::thread::sleep(Duration::from_secs(5));
+        std::thread::sleep(AWAY);
         CarlaServer::start(Setup { port, ..Setup::default() })
     });
-    let simulator = simulator(port, json!({"start_seconds": 20}));
+    let simulator = simulator(port, json!({"start_seconds": LIMIT.as_secs()}));
     let began = Instant::now();
     let run = short(folder.path(), &simulator).set("roads", 2).run();
     println!(
-        "back after 5 s: exit code {:?} after {:.1} s: {}",
+        "back after {AWAY:?}: exit code {:?} after {:.1} s: {}",
         run.code,
         began.elapsed().as_secs_f64(),
         run.stderr
@@ -493,11 +492,7 @@ fn two_runs_do_not_share_a_server() {
         .set("duration", 60)
         .set("roads", 400)
         .spawn();
-    let began = Instant::now();
-    while !server.calls().iter().any(|call| call == "tick_cue") {
-        assert!(began.elapsed() < LIMIT, "it does not drive");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    assert!(comes_true(LIMIT, || steps(&server) > 0), "it does not drive");
     wrong(&simulator(server.port(), json!({}))).says(1, &["another process of pdk"]);
     signal(&first, Signal::INT);
     assert!(ended_within(&mut first, LIMIT).is_some());

@@ -6,7 +6,6 @@ use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
@@ -297,7 +296,7 @@ fn a_state_that_cannot_be_is_the_outcome_of_its_scenario() {
     }
 }
 
-/// The right to a port is noted there. That it cannot be says nothing about a scenario.
+/// The lock of a port is a file there. If it cannot be written, that says nothing about a scenario.
 #[test]
 fn a_cache_that_cannot_be_written_ends_the_run() {
     let port = free_ports(1);
@@ -372,7 +371,6 @@ fn ctrl_c_ends_the_wait_for_a_simulator() {
     let mut child = command.env(variable, place).spawn();
     // The loop process has its topics before it waits for the simulator.
     assert!(comes_true(LIMIT, || !bus.buses().is_empty()));
-    std::thread::sleep(Duration::from_millis(500));
     signal(&child, Signal::INT);
     let status = ended_within(&mut child, LIMIT).unwrap();
     let mut said = String::new();

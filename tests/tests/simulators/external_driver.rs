@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within};
+use pdk_tests::records::wait_for_scenarios;
 use pdk_tests::tried::{self, Tried, python};
 use pdk_tests::{Pdk, repository, target_folder, temp};
 use serde_json::{Value, json};
@@ -192,10 +192,9 @@ fn two_at_once_are_reported() {
     }
     let (folder, bus) = (temp(), BusFolder::new());
     let drivers = [0, 1].map(|_| shared(&bus, folder.path(), "none"));
-    // Both are there when the first frame comes: each leaves a mark, and then needs a moment to connect.
+    // Both are there: each leaves a mark, and then connects as soon as there is a run.
     let begun = || drivers.iter().all(|driver| folder.path().join(format!("mark-{}", driver.id())).exists());
     assert!(comes_true(LIMIT, begun));
-    std::thread::sleep(Duration::from_secs(2));
     let driver = json!({"name": "process", "exchange": "shared"}).to_string();
     let out = folder.path().join("out");
     let (variable, place) = bus.variable();
@@ -233,7 +232,7 @@ fn one_that_comes_back_serves_what_follows() {
         .env(variable, place)
         .spawn();
     assert_eq!(ended_within(&mut first, LIMIT).unwrap().code(), Some(3));
-    std::thread::sleep(Duration::from_secs(5));
+    wait_for_scenarios(&mut run, &out, 1);
     let second = shared(&bus, folder.path(), "die");
     let status = ended_within(&mut run, LIMIT);
     end([first, second]);

@@ -14,7 +14,7 @@ const SOURCE: &str = r#"
     })
 "#;
 
-/// A straight road. It goes wrong in its first scenario where it is asked to: always, or once where there is a file to note that in.
+/// A straight road. It goes wrong in its first scenario where it is asked to: always, or once if there is a file to note that in.
 const TOWN: &str = r#"
 import os, sys, time
 import pdk_simulator

@@ -5,6 +5,7 @@
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
+use std::sync::mpsc;
 use std::time::Duration;
 
 use pdk_tests::process::{LIMIT, pipeline};
@@ -82,7 +83,7 @@ fn the_other_build_is_named() {
     let port = free_ports(1);
     let _stand_in = StandIn::start("udacity", port, &["--build", "stock"]);
     let run = run(&simulator(port), &[]);
-    run.says(1, &["tells nothing of roads, so it is the stock build; set build=stock"]);
+    run.says(1, &["does not report roads, so it is the stock build; set build=stock"]);
     // It says nothing about a scenario.
     assert!(run.lines.is_empty(), "{:?}", run.lines);
 }
@@ -117,12 +118,14 @@ fn clients_that_poll_first_are_driven() {
 #[test]
 fn a_silent_client_blocks_no_other() {
     let port = free_ports(1);
+    let (there, come) = mpsc::channel();
     let silent = std::thread::spawn(move || {
         let mut kept = Vec::new();
         comes_true(LIMIT, || {
             kept.extend(TcpStream::connect(("127.0.0.1", port)).ok());
             kept.len() == 3
         });
+        there.send(()).unwrap();
         for byte in b"GET /slow" {
             for stream in &mut kept[..1] {
                 let _ = stream.write_all(&[*byte]);
@@ -131,9 +134,9 @@ fn a_silent_client_blocks_no_other() {
         }
         kept
     });
-    // It comes a second behind them.
+    // It comes behind them.
     let stand_in = std::thread::spawn(move || {
-        std::thread::sleep(Duration::from_secs(1));
+        come.recv().unwrap();
         StandIn::start("udacity", port, &["--rate", "40"])
     });
     let mut simulator = simulator(port);
@@ -152,7 +155,10 @@ fn a_scenario_whose_simulator_is_lost_is_driven_again() {
         let port = free_ports(1);
         let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "1"]);
         let run = run(&simulator(port), &[]);
-        run.says(0, &["has hung up", "simulator `udacity`", "driven again from its beginning, once"]);
+        run.says(
+            0,
+            &["closed the connection", "simulator `udacity`", "driven again from its beginning, once"],
+        );
         assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
         assert!(run.took.as_secs_f64() >= least, "{fault}: {:?}", run.took);
     }

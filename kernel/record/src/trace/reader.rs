@@ -13,13 +13,13 @@ use mcap::sans_io::LinearReaderOptions;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
-use pdk_sdk::prelude::{Control, FrameBuf, State};
+use pdk_sdk::prelude::{Control, DriveContext, FrameBuf, State};
 
 use crate::trace::chunks;
 use crate::trace::message::Field;
 use crate::trace::protobuf::{Wire, fields};
 use crate::trace::step::{Digest, ImageTopic, Step};
-use crate::trace::writer::{SCENARIO, WAYPOINTS, state_fields};
+use crate::trace::writer::{APPLIED, ATTENTION, SCENARIO, TOLD, WAYPOINTS, state_fields};
 
 /// A frame as it lies in a trace. It is for people: what the driver saw had not been through JPEG.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,8 +112,8 @@ pub struct TraceReader {
     messages: mcap::io::MessageReader<BufReader<File>>,
     /// For each channel the numbers of the fields, in the order of the names in [`Topic::fields`].
     layouts: BTreeMap<u16, (Topic, Vec<u64>)>,
-    /// The state of a step whose control has not come yet.
-    state: Option<(u64, State, u64)>,
+    /// A step whose control has not come yet.
+    step: Option<Step>,
     /// Steps so far, for the sentence about a trace that ends early.
     steps: u64,
     /// The line that the trace has to belong to.
@@ -187,7 +187,7 @@ impl TraceReader {
             path: path.to_owned(),
             messages: mcap::io::MessageReader::new_with_options(BufReader::new(file), options),
             layouts: BTreeMap::new(),
-            state: None,
+            step: None,
             steps: 0,
             owner: None,
             scenario: None,
@@ -245,21 +245,25 @@ impl TraceReader {
             let entry = match topic {
                 Topic::State => {
                     let (state, frame_hash) = values.state().map_err(|what| self.damaged(&what))?;
-                    if self.state.replace((sequence, state, frame_hash)).is_some() {
+                    let step = Step { sequence, state, frame_hash, ..Step::default() };
+                    if self.step.replace(step).is_some() {
                         return Err(self.damaged("a state without a control"));
                     }
                     continue;
                 }
-                Topic::Control => {
-                    let control = values.control().map_err(|what| self.damaged(&what))?;
-                    match self.state.take() {
-                        Some((number, state, frame_hash)) if number == sequence => {
-                            self.steps += 1;
-                            self.digest.add(frame_hash, &control);
-                            Entry::Step(Step { sequence, state, control, frame_hash })
-                        }
-                        _ => return Err(self.damaged("a control without a state")),
+                Topic::Told | Topic::Applied | Topic::Control => {
+                    let numbers = values.numbers().map_err(|what| self.damaged(&what))?;
+                    let step = self.step.as_mut().filter(|step| step.sequence == sequence);
+                    match (topic, step) {
+                        (Topic::Told, Some(step)) => step.told = Some(numbers),
+                        (Topic::Applied, Some(step)) => step.applied = Some(Control::from_numbers(numbers)),
+                        (_, Some(step)) => step.control = Control::from_numbers(numbers),
+                        (_, None) => return Err(self.damaged("a control without a state")),
                     }
+                    let Some(step) = self.step.take_if(|_| matches!(topic, Topic::Control)) else { continue };
+                    self.steps += 1;
+                    self.digest.add(step.frame_hash, &step.control);
+                    Entry::Step(step)
                 }
                 Topic::Image(topic) => {
                     let jpeg = values.bytes(0).map_err(|what| self.damaged(&what))?.to_vec();
@@ -278,7 +282,7 @@ impl TraceReader {
             };
             return Ok(Some(entry));
         }
-        match self.state {
+        match self.step {
             Some(_) => Err(self.damaged("a state without a control")),
             None => self.check_owner().map(|()| None),
         }
@@ -332,6 +336,8 @@ const ERROR_LEVEL: u64 = 4;
 enum Topic {
     State,
     Control,
+    Told,
+    Applied,
     Image(ImageTopic),
     Event,
     Road,
@@ -344,7 +350,9 @@ impl Topic {
             "/control" => Some(Topic::Control),
             "/raw" => Some(Topic::Image(ImageTopic::Raw)),
             "/perturbed" => Some(Topic::Image(ImageTopic::Perturbed)),
-            "/attention" => Some(Topic::Image(ImageTopic::Attention)),
+            TOLD => Some(Topic::Told),
+            APPLIED => Some(Topic::Applied),
+            ATTENTION => Some(Topic::Image(ImageTopic::Attention)),
             "/event" => Some(Topic::Event),
             "/road" => Some(Topic::Road),
             _ => None,
@@ -355,7 +363,8 @@ impl Topic {
     fn fields(self) -> Vec<&'static str> {
         match self {
             Topic::State => state_fields().into_iter().map(Field::name).collect(),
-            Topic::Control => Control::NUMBERS.to_vec(),
+            Topic::Control | Topic::Applied => Control::NUMBERS.to_vec(),
+            Topic::Told => DriveContext::NUMBERS.to_vec(),
             Topic::Image(_) => vec!["data"],
             Topic::Event => vec!["level", "message"],
             Topic::Road => vec![WAYPOINTS],
@@ -455,12 +464,8 @@ impl<'a> Values<'a> {
         Ok((State::from_parts(numbers, flags), self.whole(HASH)?))
     }
 
-    fn control(&self) -> Result<Control, String> {
-        let mut numbers = [0.0; Control::NUMBERS.len()];
-        for (position, number) in numbers.iter_mut().enumerate() {
-            *number = self.double(position)?;
-        }
-        Ok(Control::from_numbers(numbers))
+    fn numbers(&self) -> Result<[f64; 2], String> {
+        Ok([self.double(0)?, self.double(1)?])
     }
 }
 
@@ -485,7 +490,9 @@ mod tests {
                 ..State::default()
             };
             let control = Control { steering: -0.125 * time, throttle: 1.0 };
-            Step { sequence, state, control, frame_hash: u64::MAX - sequence }
+            let told = (sequence > 0).then_some([time + 0.001, f64::from(sequence as u32) - 0.0]);
+            let applied = (sequence > 1).then_some(Control { steering: -0.0, throttle: time });
+            Step { sequence, state, control, frame_hash: u64::MAX - sequence, told, applied }
         };
         (0..4).map(step).collect()
     }

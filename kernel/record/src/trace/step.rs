@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::{Control, State};
 
 /// What one step of the loop did.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Step {
     /// The number of the frame in its scenario, from 0.
     pub sequence: u64,
@@ -13,6 +13,10 @@ pub struct Step {
     pub control: Control,
     /// Hash of the frame that the driver saw: XXH3 with 64 bits over its bytes.
     pub frame_hash: u64,
+    /// What the driver got besides the frame, if a perturbation acts on that: time and speed.
+    pub told: Option<[f64; 2]>,
+    /// What was applied to the vehicle, if a perturbation acts on controls.
+    pub applied: Option<Control>,
 }
 
 /// What tells a drive from others: a hash over what the driver saw and decided in each frame. It is part of the outcome.

@@ -11,7 +11,7 @@ use foxglove::messages::{CompressedImage, Log, Timestamp, log::Level};
 use mcap::records::MessageHeader;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Control, Frame, State};
+use pdk_sdk::prelude::{Control, DriveContext, Frame, State};
 
 use crate::trace::message::{Field, put_double, put_text, put_whole, schema};
 use crate::trace::step::{ImageTopic, Step};
@@ -19,10 +19,12 @@ use crate::trace::step::{ImageTopic, Step};
 /// Quality of the JPEG frames in a trace: they are for people; what a driver saw is computed again from the seeds.
 const JPEG_QUALITY: u8 = 85;
 
+type Writer = mcap::Writer<BufWriter<File>>;
+
 /// A trace that is being written.
 pub struct Trace {
     path: PathBuf,
-    writer: mcap::Writer<BufWriter<File>>,
+    writer: Writer,
     channels: Channels,
     sequence: u32,
     /// The encoded message, reused from one to the next.
@@ -36,8 +38,8 @@ struct Channels {
     state: u16,
     road: u16,
     event: u16,
-    /// Made when the first image for it comes, which few traces have.
-    attention: Option<u16>,
+    /// Those that are made when the first message for them comes, which few traces have, by topic.
+    later: BTreeMap<&'static str, u16>,
 }
 
 /// The fields of a state: those of the model, and a hash of the frame that the driver saw.
@@ -53,6 +55,10 @@ pub(crate) const FRAME_HASH: &str = "frame_hash";
 pub(crate) const WAYPOINTS: &str = "waypoints";
 /// The metadata of the channel of events: the id of the scenario. Every trace has events.
 pub(crate) const SCENARIO: &str = "scenario";
+/// The topics that few traces have: what a network looked at, what the driver got besides the frame, and what was applied to the vehicle.
+pub(crate) const ATTENTION: &str = "/attention";
+pub(crate) const TOLD: &str = "/told";
+pub(crate) const APPLIED: &str = "/applied";
 /// The package of pdk's own messages.
 const PACKAGE: &str = "pdk";
 
@@ -79,7 +85,7 @@ impl Trace {
                 &BTreeMap::from([(SCENARIO.to_owned(), scenario.to_string())]),
                 path,
             )?,
-            attention: None,
+            later: BTreeMap::new(),
         };
         Ok(Self { path: path.to_owned(), writer, channels, sequence: 0, message: Vec::new() })
     }
@@ -89,7 +95,7 @@ impl Trace {
     /// # Errors
     /// If it cannot be written.
     pub fn step(&mut self, step: &Step) -> Result<()> {
-        let Step { sequence, state, control, frame_hash } = *step;
+        let Step { sequence, state, control, frame_hash, told, applied } = *step;
         self.sequence = sequence as u32;
         let message = &mut self.message;
         message.clear();
@@ -102,11 +108,41 @@ impl Trace {
         state.flags().into_iter().for_each(|value| put_whole(message, next(), u64::from(value)));
         put_whole(message, next(), frame_hash);
         self.write_message(self.channels.state, state.time)?;
+        if let Some(numbers) = told {
+            let fields = DriveContext::NUMBERS.map(Field::Double);
+            let channel = self.later(TOLD, |writer, path| add_own(writer, TOLD, "Told", &fields, path))?;
+            self.write_numbers(channel, state.time, numbers)?;
+        }
+        if let Some(control) = applied {
+            let fields = Control::NUMBERS.map(Field::Double);
+            let channel =
+                self.later(APPLIED, |writer, path| add_own(writer, APPLIED, "Control", &fields, path))?;
+            self.write_numbers(channel, state.time, control.numbers())?;
+        }
+        // It comes last, so that a reader has the others by then.
+        self.write_numbers(self.channels.control, state.time, control.numbers())
+    }
+
+    /// The channel of a topic that few traces have.
+    fn later(
+        &mut self,
+        topic: &'static str,
+        make: impl FnOnce(&mut Writer, &Path) -> Result<u16>,
+    ) -> Result<u16> {
+        if let Some(channel) = self.channels.later.get(topic) {
+            return Ok(*channel);
+        }
+        let made = make(&mut self.writer, &self.path)?;
+        self.channels.later.insert(topic, made);
+        Ok(made)
+    }
+
+    fn write_numbers(&mut self, channel: u16, time: f64, numbers: [f64; 2]) -> Result<()> {
         self.message.clear();
-        for (number, value) in (1..).zip(control.numbers()) {
+        for (number, value) in (1..).zip(numbers) {
             put_double(&mut self.message, number, value);
         }
-        self.write_message(self.channels.control, state.time)
+        self.write_message(channel, time)
     }
 
     /// Adds the centre line of the driven lane.
@@ -136,13 +172,9 @@ impl Trace {
         let channel = match topic {
             ImageTopic::Raw => self.channels.raw,
             ImageTopic::Perturbed => self.channels.perturbed,
-            ImageTopic::Attention => match self.channels.attention {
-                Some(channel) => channel,
-                None => {
-                    let made = add_channel::<CompressedImage>(&mut self.writer, "/attention", &self.path)?;
-                    *self.channels.attention.insert(made)
-                }
-            },
+            ImageTopic::Attention => {
+                self.later(ATTENTION, |writer, path| add_channel::<CompressedImage>(writer, ATTENTION, path))?
+            }
         };
         let message = CompressedImage {
             timestamp: Some(timestamp(time)),
@@ -221,13 +253,7 @@ fn timestamp(time: f64) -> Timestamp {
 }
 
 /// Adds a topic with messages of our own.
-fn add_own(
-    writer: &mut mcap::Writer<BufWriter<File>>,
-    topic: &str,
-    name: &str,
-    fields: &[Field],
-    path: &Path,
-) -> Result<u16> {
+fn add_own(writer: &mut Writer, topic: &str, name: &str, fields: &[Field], path: &Path) -> Result<u16> {
     let schema = schema(PACKAGE, name, fields);
     writer
         .add_schema(&format!("{PACKAGE}.{name}"), "protobuf", &schema)
@@ -235,17 +261,13 @@ fn add_own(
         .map_err(|error| trace_error(path, &error))
 }
 
-fn add_channel<T: Encode>(
-    writer: &mut mcap::Writer<BufWriter<File>>,
-    topic: &str,
-    path: &Path,
-) -> Result<u16> {
+fn add_channel<T: Encode>(writer: &mut Writer, topic: &str, path: &Path) -> Result<u16> {
     add_described::<T>(writer, topic, &BTreeMap::new(), path)
 }
 
 /// Adds a topic whose channel says something besides.
 fn add_described<T: Encode>(
-    writer: &mut mcap::Writer<BufWriter<File>>,
+    writer: &mut Writer,
     topic: &str,
     metadata: &BTreeMap<String, String>,
     path: &Path,

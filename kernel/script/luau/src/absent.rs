@@ -27,7 +27,7 @@ impl Reached {
 
     fn refuse<T>(&self, what: &str) -> mlua::Result<T> {
         self.0.store(true, Ordering::Relaxed);
-        Err(mlua::Error::runtime(format!("{what} is there in pipelines only, which `pdk run` runs")))
+        Err(mlua::Error::runtime(format!("{what} is available only in pipelines, which `pdk run` runs")))
     }
 }
 

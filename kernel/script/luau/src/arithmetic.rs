@@ -61,7 +61,7 @@ replacements! {
     map(x, in_low, in_high, low, high) = low + (x - in_low) * (high - low) / (in_high - in_low);
 }
 
-/// `math.log(x, base)`; the base is that of the natural logarithm where it is left out.
+/// `math.log(x, base)`; the base is that of the natural logarithm if it is left out.
 unsafe extern "C-unwind" fn log(state: *mut ffi::lua_State) -> c_int {
     // SAFETY: as in `replacements`.
     unsafe {

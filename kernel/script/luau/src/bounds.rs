@@ -193,7 +193,7 @@ unsafe extern "C-unwind" fn sort(state: *mut ffi::lua_State) -> c_int {
     }
 }
 
-/// Whether the first argument is less than the second; the upvalue says so where it is a function.
+/// Whether the first argument is less than the second; the upvalue says so if it is a function.
 unsafe extern "C-unwind" fn compare(state: *mut ffi::lua_State) -> c_int {
     // SAFETY: as in `find`; `table.sort` gives two arguments.
     unsafe {

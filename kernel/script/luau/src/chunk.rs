@@ -8,7 +8,7 @@ use crate::power;
 /// The largest script, in bytes. The compiler's own memory is not limited, but proportional to this.
 pub(crate) const LARGEST_SCRIPT: usize = 1 << 20;
 
-/// Compiles a script, but does not run it. `script` is its name in errors; its globals are those of the machine where it has no
+/// Compiles a script, but does not run it. `script` is its name in errors; its globals are those of the machine if it has no
 /// environment of its own.
 ///
 /// # Errors

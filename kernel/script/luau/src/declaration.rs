@@ -8,7 +8,7 @@ mod records;
 
 use mlua::{Function, Table, Value};
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Geometry, Temporal};
+use pdk_sdk::describe::{ActsOn, Description, Geometry, Temporal};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::history::MOST_FRAMES;
 use pdk_sdk::serde_json;
@@ -16,25 +16,40 @@ use pdk_sdk::serde_json;
 use fields::{Fields, describe, finite, one_line, unreadable};
 use parameters::{MOST_ENTRIES, levels, parameters};
 use pdk_components::check_description;
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 use crate::points::Points;
-pub use records::{CONTEXT, EARLIER, PARAMETER, PERTURBATION};
+pub use records::{CONTEXT, CONTROL, EARLIER, OBSERVATION, PARAMETER, PERTURBATION};
 
 /// What a script returned, checked.
 pub(crate) struct Declaration {
     pub description: Description,
+    /// Its function `apply`, or what it has in place of that.
     pub apply: Function,
     pub points: Option<Points>,
 }
 
+/// The functions of which a script has one: the first three make it a perturbation, the last one a mask.
+const FUNCTIONS: [&str; 4] = ["apply", "observe", "actuate", "mask"];
+
 /// Whether a table that a script returned is meant as a perturbation or a mask: it has what it applies, or says what that does.
 pub(crate) fn is_meant(table: &Table) -> Result<bool> {
-    let field = |name: &str| table.raw_get::<Value>(name).map_err(unreadable);
-    Ok(!field("apply")?.is_nil() || !field("mask")?.is_nil() || matches!(field("doc")?, Value::String(_)))
+    Ok(!functions(table)?.is_empty()
+        || matches!(table.raw_get::<Value>("doc").map_err(unreadable)?, Value::String(_)))
 }
 
-/// Checks what a script returned. `stem` is the name it has where it gives none.
+/// Those of the [`FUNCTIONS`] that a table has.
+fn functions(table: &Table) -> Result<Vec<&'static str>> {
+    let mut found = Vec::new();
+    for name in FUNCTIONS {
+        if !table.raw_get::<Value>(name).map_err(unreadable)?.is_nil() {
+            found.push(name);
+        }
+    }
+    Ok(found)
+}
+
+/// Checks what a script returned. `stem` is the name it has if it gives none.
 ///
 /// # Errors
 /// Names the field that is missing, unknown or of the wrong type.
@@ -46,7 +61,16 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             describe(returned)
         )));
     };
-    let mask = !table.raw_get::<Value>("mask").map_err(unreadable)?.is_nil();
+    let function = match functions(table)?.as_slice() {
+        [] => "apply",
+        [function] => function,
+        [one, other, ..] => {
+            return Err(Error::new(format!(
+                "the script has both `{one}` and `{other}`, but does one thing; leave one out"
+            )));
+        }
+    };
+    let mask = function == "mask";
     let of = if mask { "the mask" } else { "the perturbation" };
     let fields = Fields { table, of, record: &PERTURBATION };
     fields.refuse_unknown()?;
@@ -93,31 +117,26 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     if let Some(values) = fields.optional_table("grows_with")? {
         description.grows_with = grows_with(&values, &description)?;
     }
-    if mask {
-        if !fields.get("apply")?.is_nil() {
-            return Err(Error::new(
-                "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
-            ));
-        }
-        if description.history > 0 {
-            return Err(Error::new("a mask sees one frame at a time; leave `history` out"));
-        }
-        if points.is_some() || !description.geometry.is_undeclared() {
-            return Err(Error::new(
-                "a mask moves nothing; leave `geometry`, `move_point` and `source_point` out",
-            ));
-        }
-        return match fields.get("mask")? {
-            Value::Function(apply) => Ok(Declaration { description, apply, points }),
-            other => Err(fields.wrong("mask", "a function", &other)),
-        };
+    description.acts_on = match function {
+        "observe" => ActsOn::Observation,
+        "actuate" => ActsOn::Control,
+        _ => ActsOn::Frame,
+    };
+    if mask && description.history > 0 {
+        return Err(Error::new("a mask sees one frame at a time; leave `history` out"));
     }
-    match fields.get("apply")? {
+    if function != "apply" && (points.is_some() || !description.geometry.is_undeclared()) {
+        let what = if mask { "a mask" } else { "what does not change frames" };
+        return Err(Error::new(format!(
+            "{what} moves nothing; leave `geometry`, `move_point` and `source_point` out"
+        )));
+    }
+    match fields.get(function)? {
         Value::Function(apply) => Ok(Declaration { description, apply, points }),
         Value::Nil => {
             Err(Error::new("the perturbation has no `apply`; add apply = function(image, cx) ... end"))
         }
-        other => Err(fields.wrong("apply", "a function", &other)),
+        other => Err(fields.wrong(function, "a function", &other)),
     }
 }
 

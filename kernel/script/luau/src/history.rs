@@ -2,8 +2,10 @@
 
 use mlua::{AnyUserData, Lua, Table};
 use pdk_sdk::history::History;
+use pdk_sdk::signals::Signals;
 
 use crate::image::LuaImage;
+use crate::signals::ScriptSignal;
 
 /// The list `cx.history` with its entries, which are used again for every frame.
 pub struct ScriptHistory {
@@ -45,6 +47,30 @@ impl ScriptHistory {
             entry.raw_set("image", image)?;
             entry.raw_set("frame_index", earlier.frame_index as f64)?;
             entry.raw_set("time", earlier.time)?;
+            self.list.raw_set(place + 1, entry)?;
+        }
+        Ok(())
+    }
+}
+
+impl ScriptHistory {
+    /// Makes the list that of the signals before another frame.
+    ///
+    /// # Errors
+    /// If the script is out of memory.
+    pub fn set_signals(
+        &mut self,
+        lua: &Lua,
+        signals: &Signals<'_>,
+        shape: &ScriptSignal,
+    ) -> mlua::Result<()> {
+        self.list.clear()?;
+        for (place, signal) in signals.iter().enumerate() {
+            let entry = lua.create_table()?;
+            entry.raw_set("frame_index", signal.frame_index as f64)?;
+            entry.raw_set("time", signal.time)?;
+            entry.raw_set("given", shape.copy(lua, signal.given)?)?;
+            entry.raw_set("passed", shape.copy(lua, signal.passed)?)?;
             self.list.raw_set(place + 1, entry)?;
         }
         Ok(())

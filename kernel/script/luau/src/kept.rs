@@ -171,7 +171,7 @@ impl Walk<'_> {
 fn upvalue(lua: &Lua, function: &Function, index: c_int) -> mlua::Result<Option<(String, Value)>> {
     let mut name = None;
     // SAFETY: the function is the only thing on the stack and is replaced by one value; getting it does not raise. Its
-    // name, where there is one, is a text that ends in zero.
+    // name, if there is one, is a text that ends in zero.
     let value = unsafe {
         lua.exec_raw::<Value>(function, |state| {
             let text = ffi::lua_getupvalue(state, 1, index);

@@ -24,6 +24,7 @@
 //! | [`image`] | the image a script edits, and the operations on it |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
+//! | `signals` | how a perturbation in a script changes controls, and what the driver gets besides the frame |
 //! | `points` | how a perturbation in a script moves points |
 //! | `glance` | what a script is by its text, without running it |
 //! | `absent` | what pipelines have and perturbations do not |
@@ -53,6 +54,7 @@ mod power;
 pub mod random;
 pub mod sandbox;
 pub mod scripts;
+mod signals;
 mod tokens;
 pub mod types;
 pub mod unknown;

@@ -17,7 +17,7 @@ pub struct Limits {
     /// Time of one call.
     pub time: Duration,
     /// Whether the time begins anew after each host function that waits or works ([`without_clock`](crate::without_clock)), so
-    /// that a script may run for as long as it likes and is ended only where it is stuck.
+    /// that a script may run for as long as it likes and is ended only if it is stuck.
     pub renewed: bool,
 }
 

@@ -115,7 +115,7 @@ impl Modules {
         lock(&self.0)
     }
 
-    /// Finds a module: its value where it has been run, else nothing and the function that runs it.
+    /// Finds a module: its value if it has been run, else nothing and the function that runs it.
     fn begin(&self, lua: &Lua, source: Option<LuaString>, name: &Value) -> mlua::Result<(Value, Value)> {
         let Value::String(name) = name else {
             return Err(mlua::Error::runtime(format!(

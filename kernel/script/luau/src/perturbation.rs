@@ -7,6 +7,7 @@ use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
 use pdk_components::registry::Script;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, Kind, ParameterType};
+use pdk_sdk::driver::{Control, DriveContext};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::mask::Mask;
@@ -16,10 +17,13 @@ use pdk_sdk::ops::{Frame, FrameMut};
 use pdk_sdk::perturbation::{Context, Perturbation, Way};
 use pdk_sdk::saliency::{HeatmapMut, MapContext};
 use pdk_sdk::seed::Key;
+use pdk_sdk::signals::Numbers;
 
 use crate::absent::{self, Reached};
 use crate::chunk::LARGEST_SCRIPT;
-use crate::declaration::{self, CONTEXT, Declaration, EARLIER, PARAMETER, PERTURBATION};
+use crate::declaration::{
+    self, CONTEXT, CONTROL, Declaration, EARLIER, OBSERVATION, PARAMETER, PERTURBATION,
+};
 use crate::failure::type_of;
 use crate::glance::{Glance, glance};
 use crate::history::ScriptHistory;
@@ -28,12 +32,13 @@ use crate::limits::Limits;
 use crate::points::Points;
 use crate::random::{LuaRandom, RANDOM};
 use crate::sandbox::Sandbox;
+use crate::signals::{ScriptSignal, returned_nothing};
 use crate::types::Declare;
 use crate::unknown;
 
 /// What the script of a perturbation sees besides Luau's own library, in the order of the type definition file.
 pub fn perturbation_api() -> Vec<&'static dyn Declare> {
-    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &EARLIER, &ImageClass, &RANDOM]
+    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &EARLIER, &CONTROL, &OBSERVATION, &ImageClass, &RANDOM]
 }
 
 /// The text of a script.
@@ -178,6 +183,8 @@ pub struct LuaPerturbation {
     pub(super) apply: Function,
     /// How it moves points, if it says so.
     points: Option<Points>,
+    /// What it changes that is not a frame.
+    signal: ScriptSignal,
     /// The image of the latest frame, used again for frames of the same size.
     image: Option<AnyUserData>,
     cx: ScriptContext,
@@ -199,12 +206,14 @@ impl LuaPerturbation {
         let Declaration { description, apply, points } = machine.declare(script, source, stem)?;
         let sandbox = machine.sandbox;
         let cx = sandbox.make(script, |lua| ScriptContext::new(lua, &description, &config))?;
+        let signal = sandbox.make(script, |lua| ScriptSignal::new(lua, description.acts_on))?;
         Ok(Self {
             script: script.to_owned(),
             description,
             config,
             apply,
             points,
+            signal,
             image: None,
             cx,
             values: Vec::new(),
@@ -271,7 +280,32 @@ impl LuaPerturbation {
     }
 }
 
+impl LuaPerturbation {
+    /// Lets the script change a signal.
+    fn pass(&mut self, given: Numbers, cx: &Context<'_>) -> Result<Numbers> {
+        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        self.sandbox.set_limits(&self.script, self.limits)?;
+        self.sandbox.make(&self.script, |lua| {
+            self.signal.set(given)?;
+            self.cx.set(lua, cx, &self.values)?;
+            self.cx.history.set_signals(lua, &cx.signals, &self.signal)
+        })?;
+        let returned = self.sandbox.call(&self.script, &self.apply, (&self.signal.table, &self.cx.table))?;
+        returned_nothing(&returned, &self.script)?;
+        self.signal.get().map_err(|error| error.at(&self.script))
+    }
+}
+
 impl Perturbation for LuaPerturbation {
+    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let [time, speed] = self.pass(told.numbers(), cx)?;
+        Ok(DriveContext { time, speed, ..told })
+    }
+
+    fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        Ok(Control::from_numbers(self.pass(control.numbers(), cx)?))
+    }
+
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let image = self.run(src, cx)?;
         let pixels = image.borrow::<LuaImage>().place(&self.script)?;
@@ -320,6 +354,7 @@ struct ScriptContext {
     intensity: LuaString,
     frame_index: LuaString,
     time: LuaString,
+    period: LuaString,
     frame_random: (LuaString, AnyUserData),
     sequence_random: (LuaString, AnyUserData),
     parameters: Vec<(LuaString, ParameterValue)>,
@@ -367,6 +402,7 @@ impl ScriptContext {
             intensity: lua.create_string("intensity")?,
             frame_index: lua.create_string("frame_index")?,
             time: lua.create_string("time")?,
+            period: lua.create_string("period")?,
             frame_random: random("frame_random")?,
             sequence_random: random("sequence_random")?,
             history: ScriptHistory::new(lua, &table)?,
@@ -380,6 +416,7 @@ impl ScriptContext {
         table.raw_set(&self.intensity, cx.intensity)?;
         table.raw_set(&self.frame_index, cx.frame_index as f64)?;
         table.raw_set(&self.time, cx.time)?;
+        table.raw_set(&self.period, cx.period)?;
         for ((name, kind), value) in self.parameters.iter().zip(values) {
             match kind {
                 ParameterValue::Number => table.raw_set(name, *value)?,

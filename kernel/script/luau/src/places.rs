@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use pdk_components::product::BuiltInScript;
-use pdk_components::suggest;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 
 use crate::chunk::LARGEST_SCRIPT;
 
@@ -42,7 +42,7 @@ pub(crate) struct Found {
     pub root: Root,
     /// Its folder, seen from the root.
     pub folder: PathBuf,
-    /// Its text where it is part of pdk.
+    /// Its text if it is part of pdk.
     built_in: Option<&'static str>,
 }
 

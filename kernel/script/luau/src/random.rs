@@ -104,6 +104,7 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
 impl UserData for LuaRandom {
     fn register(registry: &mut UserDataRegistry<Self>) {
         RANDOM.register(registry);
+        RANDOM.refuse_unknown(registry, "random");
     }
 }
 
@@ -194,6 +195,7 @@ mod tests {
     fn what_is_not_a_list_with_values_is_refused() {
         for (script, said) in [
             ("random:choice({})", "random:choice needs a list, but the table has no values in order"),
+            ("random:unifrm(0, 1)", "random has no method or field `unifrm`; did you mean `uniform`?"),
             (
                 "random:shuffle({ a = 1 })",
                 "random:shuffle needs a list, but the table has no values in order",

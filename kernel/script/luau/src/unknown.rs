@@ -1,7 +1,7 @@
 //! Names that are not there: an error says what was probably meant, where Lua would say nothing, or that nothing cannot be called.
 
 use mlua::{AnyUserData, Function, Lua, MetaMethod, Table, UserDataMethods, UserDataRegistry, Value};
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 use crate::failure::type_of;
 

@@ -1,6 +1,6 @@
 //! Ends calls that use up their time, or that the user wants to stop.
 //!
-//! Luau asks an interrupt function at every loop and call, where one is set. Asking costs as much as a tight loop's
+//! Luau asks an interrupt function at every loop and call, if one is set. Asking costs as much as a tight loop's
 //! body, so none is set until a deadline has passed: a single thread looks at the deadlines of all virtual machines
 //! every few milliseconds and sets the function of the one that is late. It stays set until the call ends, so
 //! a script that catches the error meets it again at its next loop or call. The same thread asks whether to stop.
@@ -273,7 +273,7 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
     }
 }
 
-/// Does what Luau does at every loop and call: asks the interrupt function, where one is set.
+/// Does what Luau does at every loop and call: asks the interrupt function, if one is set.
 ///
 /// # Safety
 /// `state` is a running Lua state. Raises an error where the script has to end, so no value with a destructor is alive.

@@ -149,7 +149,7 @@ pub const API: ApiTable = ApiTable {
         ApiFunction {
             name: "draws",
             signature: "(perturbation: string) -> boolean",
-            doc: "Whether a perturbation draws anything at random, so that another drive of the same comes out differently.",
+            doc: "Whether a perturbation draws anything at random, so that driving the same scenario again with another `repeat` gives another result.",
             make: |lua| function(lua, "pdk.draws", |host, [name]| Ok(host.draws(&name)?.into())),
         },
         ApiFunction {

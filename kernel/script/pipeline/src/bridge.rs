@@ -75,7 +75,7 @@ pub fn outcomes_to_lua(lua: &Lua, result: &Value) -> mlua::Result<LuaValue> {
 pub fn with_host<T>(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<T>) -> mlua::Result<T> {
     let mut host = lua
         .app_data_mut::<Host>()
-        .ok_or_else(|| Error::new("this function is there in pipelines only").into_lua_err())?;
+        .ok_or_else(|| Error::new("this function is available only in pipelines").into_lua_err())?;
     without_clock(|| work(&mut host)).map_err(ExternalError::into_lua_err)
 }
 

@@ -5,7 +5,7 @@ use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 /// A table whose fields are taken.
 pub struct Fields {
@@ -58,7 +58,7 @@ impl Fields {
         self.fields.get(field).is_some_and(|value| !value.is_null())
     }
 
-    /// A field of any type; null where it is not set.
+    /// A field of any type; null if it is not set.
     pub fn any(&mut self, field: &str) -> Value {
         self.fields.shift_remove(field).unwrap_or_default()
     }

@@ -18,11 +18,11 @@ mod tasks;
 
 use std::path::Path;
 
-use pdk_components::suggest;
 use pdk_model::scenario::parse_seed;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::seed::Key;
+use pdk_sdk::suggest;
 use pdk_session::session::Session;
 use serde_json::Value;
 

@@ -21,7 +21,7 @@ pub fn module() -> String {
         text += &format!("\n    #: {}.\n    {}: {} | None\n", setting.help(), setting.name, setting.python);
     }
     text += "\n\nclass SessionSettings(RunSettings, total=False):\n    \
-             \"\"\"What can be set for a session: also what its scenarios have if they do not say it themselves.\"\"\"\n";
+             \"\"\"The settings of a session, which include the defaults of its scenarios.\"\"\"\n";
     for field in SESSION_REQUEST.fields {
         text += &format!("\n    #: {}\n    {}: {} | None\n", field.doc, field.name, python_type(field));
     }

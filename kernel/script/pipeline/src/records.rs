@@ -15,10 +15,11 @@ pub(crate) use self::driving::SESSION_REQUEST;
 pub use self::road::ROAD_REQUEST;
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 36] = [
+pub const RECORDS: [&ApiRecord; 37] = [
     &applied::COMPONENT,
     &applied::SCHEDULE,
     &applied::REGION,
+    &applied::DURING,
     &applied::SELECTION,
     &applied::ATTENTION,
     &applied::APPLIED,

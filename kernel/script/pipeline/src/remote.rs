@@ -39,7 +39,7 @@ const LOOK: Duration = Duration::from_millis(100);
 enum Call {
     /// `pdk.settings`.
     Settings(Unique),
-    /// What scenarios have from here on where they do not say it, as `pdk.session` takes it.
+    /// What scenarios have from here on if they do not say it, as `pdk.session` takes it.
     Defaults(Unique),
     /// Submits scenarios; returns a ticket for each.
     Submit(Vec<Unique>),
@@ -130,7 +130,7 @@ impl Server {
                     _ => continue,
                 },
                 Ok(Found::Message(call)) => self.call(call),
-                Ok(Found::Nonsense(error)) => Err(Error::of(
+                Ok(Found::Nonsense(error, _)) => Err(Error::of(
                     ErrorKind::Nonsense,
                     format!("what came is not a call ({error}); see docs/session-protocol.md"),
                 )),

@@ -89,7 +89,7 @@ fn duration(fields: &mut Fields, name: &str, before: Option<f64>) -> Result<Opti
 const FAILURE: [&str; 5] =
     ["lane_departure", "comparison", "standstill_speed", "standstill_seconds", "over_line"];
 
-/// What scenarios have if they do not say it themselves.
+/// The defaults of scenarios.
 #[derive(Debug, Clone)]
 pub struct Defaults {
     shared: Shared,

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use mlua::Value as LuaValue;
 use pdk_components::product;
 use pdk_components::search_path::SearchPath;
-use pdk_components::suggest;
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_notice::eprintln;
 use pdk_record::files::recorded;
 use pdk_record::manifest::{Module, Pipeline};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
@@ -58,7 +58,7 @@ impl Script {
             let known = pipelines.iter().map(|script| script.name);
             let script = pipelines.iter().find(|script| script.name == name).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no pipeline `{name}`, and a file is named with its folder or its ending, as in ./{name}; {}",
+                    "there is no built-in pipeline `{name}`; to run a file, write its folder or its ending, as in ./{name}; {}",
                     suggest::hint(&name, known)
                 ))
             })?;

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 
-use pdk_components::suggest;
 use pdk_model::text::{parse_json, parse_value};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::suggest;
 use serde_json::{Map, Value};
 
 use crate::run_settings::{RUN_SETTINGS, RunSettings, Setting};
@@ -268,7 +268,7 @@ mod tests {
         {
             let error = with(text).unwrap_err().to_string();
             assert!(
-                error.starts_with("--set ") && error.contains("` is there twice; write it once"),
+                error.starts_with("--set ") && error.contains("` occurs twice; write it once"),
                 "{error}"
             );
         }

@@ -46,7 +46,7 @@ pub fn from_program(value: Value) -> Value {
     }
 }
 
-/// A number without a fraction, where it is exact as a whole one. A minus before a zero is of no use to anybody.
+/// A number without a fraction, if it is exact as a whole one. A minus before a zero is of no use to anybody.
 fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE).then_some(value as i64)
 }
@@ -80,7 +80,7 @@ fn number(value: f64, place: &str) -> Result<Value> {
     }
 }
 
-/// An empty table is an empty list: no request has an empty table where it matters.
+/// An empty table counts as an empty list. No request has an empty table for which the difference matters.
 fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
     let length = table.raw_len();
     let unreadable = |error: mlua::Error| Error::new(format!("{place} cannot be read ({error})"));

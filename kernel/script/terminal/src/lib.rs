@@ -1,5 +1,6 @@
-//! What a terminal shows: progress, tables, and texts as wide as it is.
+//! What a terminal shows: progress, tables, texts as wide as it is, and commands to paste.
 
+pub mod shell;
 pub mod table;
 pub mod text;
 

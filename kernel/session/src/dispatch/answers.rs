@@ -72,7 +72,12 @@ impl Dispatch {
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
-            Found::Nonsense(error) => {
+            Found::Nonsense(_, Some(message))
+                if self.workers.connections[place].leaves_out(&message, &self.options.pool) =>
+            {
+                Ok(())
+            }
+            Found::Nonsense(error, _) => {
                 Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
             }
             Found::End => {
@@ -95,7 +100,7 @@ impl Dispatch {
                     };
                     return Err(Error::of(ErrorKind::Lost, sentence));
                 }
-                // Later ones are started where there is work for them.
+                // Later ones are started when there is work for them.
                 if introduce.is_some() { self.workers.connect() } else { Ok(()) }
             }
         }
@@ -201,7 +206,7 @@ impl Dispatch {
             let waited = connection.opened.elapsed().as_secs();
             return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
         }
-        self.lost(&connection, "it said nothing any more")
+        self.lost(&connection, "it stopped responding")
     }
 }
 

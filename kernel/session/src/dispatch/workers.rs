@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use pdk_loop::protocol::{Hello, VERSION};
+use pdk_loop::protocol::{Hello, MINOR, VERSION};
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
 
@@ -34,6 +34,7 @@ impl Workers {
     pub fn new(options: &Options, sender: Sender<Event>) -> Self {
         let hello = Hello {
             protocol: VERSION,
+            minor: MINOR,
             run: options.run.clone(),
             patience: options.limits.patience.as_secs_f64(),
             memory: options.limits.memory,

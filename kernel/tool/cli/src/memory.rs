@@ -60,11 +60,11 @@ pub fn watch(supervised: bool) -> Result<()> {
     };
     match set {
         0 => Ok(()),
-        _ => Err(std::io::Error::last_os_error()).place("cannot watch for a want of memory"),
+        _ => Err(std::io::Error::last_os_error()).place("cannot watch for a lack of memory"),
     }
 }
 
-/// Says why the process ends. Another abort than one for want of memory goes its way when this returns.
+/// Says why the process ends. An abort for another reason than a lack of memory continues when this returns.
 extern "C" fn aborted(_: libc::c_int) {
     if !REFUSED.load(Ordering::SeqCst) {
         return;

@@ -40,6 +40,19 @@ pub struct Done {
     pub manifest: PathBuf,
 }
 
+/// The error for a dataset without pictures; `unread` says why it is not read as the recording that it looks like.
+fn without_pictures(dataset: &str, unread: Option<&Error>) -> Error {
+    Error::new(match unread {
+        Some(unread) => format!(
+            "`{dataset}` cannot be read as a recording ({unread}), and has no files with pictures (JPEG, PNG, BMP or WebP); name its reader with \
+             parameters that fit, as in READER,path=DIR,PARAMETER=VALUE"
+        ),
+        None => format!(
+            "`{dataset}` has no pictures (JPEG, PNG, BMP or WebP); name a folder with pictures, or a recording that `pdk list dataset` knows"
+        ),
+    })
+}
+
 /// Writes a dataset under each condition. `dataset` is a folder, or a reader with its parameters.
 ///
 /// # Errors
@@ -59,7 +72,7 @@ pub fn corrupt(
     done.pictures = units.iter().filter(|unit| !matches!(unit, Unit::File(..))).count();
     done.others = counts(&source.contents);
     if done.pictures == 0 {
-        return Err(Error::new(format!("`{dataset}` has no pictures (JPEG, PNG, BMP or WebP)")));
+        return Err(without_pictures(dataset, source.unread.as_ref()));
     }
     let described = described(registry, conditions)?;
     let mut manifest = Manifest::open(&options.out, settings(dataset, &source, &described, options))?;

@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::domain::Domain;
 use crate::flat::{self, Fields};
-use crate::{foxglove, junit, odd, tables, telemetry};
+use crate::{junit, odd, tables, telemetry};
 
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +32,6 @@ pub enum Kind {
     Junit,
     /// What was driven of an operational design domain, as JSON and as a page.
     Odd,
-    /// A layout for Foxglove in which the traces open.
-    Foxglove,
 }
 
 /// What was written.
@@ -52,7 +50,7 @@ struct Folder<'a> {
 }
 
 impl Folder<'_> {
-    /// The place of a file, in a folder that is there.
+    /// The path of a file, in a folder that exists.
     fn place(&mut self, name: &str) -> Result<PathBuf> {
         let path = self.path.join(name);
         if let Some(parent) = path.parent() {
@@ -121,10 +119,6 @@ pub fn write(from: &Path, kind: Kind, to: &Path) -> Result<Written> {
             for figure in figures::figures(&run)? {
                 folder.write(&format!("figures/{}.svg", figure.name), figure.svg.as_bytes())?;
             }
-        }
-        Kind::Foxglove => {
-            let layout = serde_json::to_string_pretty(&foxglove::layout())?;
-            folder.write("foxglove.json", format!("{layout}\n").as_bytes())?;
         }
         Kind::Odd => {
             let odd = odd::odd(&Domain::of_product()?, &run.folder, &lines, &run.evaluations);

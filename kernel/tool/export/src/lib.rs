@@ -7,7 +7,6 @@
 //! | `telemetry` | all traces as flat CSV, a line for each frame |
 //! | `tables` | the tables of the report as CSV, Markdown and LaTeX |
 //! | [`odd`] | what was driven of an operational design domain; [`domain`] what stands for what |
-//! | `foxglove` | a layout for Foxglove |
 //! | [`junit`] | scenarios, and what else is decided, as test cases |
 //!
 //! Equal records make equal files. A number that is not finite is an empty field.
@@ -15,7 +14,6 @@
 pub mod domain;
 mod flat;
 pub mod folder;
-mod foxglove;
 pub mod junit;
 pub mod odd;
 mod tables;

@@ -9,7 +9,7 @@ use pdk_record::trace::step::Step;
 use pdk_sdk::error::{Place, Result};
 
 /// The columns. Those of the state have the names of the trace.
-pub const COLUMNS: [&str; 18] = [
+pub const COLUMNS: [&str; 22] = [
     "id",
     "number",
     "frame",
@@ -28,6 +28,10 @@ pub const COLUMNS: [&str; 18] = [
     "steering",
     "throttle",
     "frame_hash",
+    "told_time",
+    "told_speed",
+    "applied_steering",
+    "applied_throttle",
 ];
 
 /// Writes the traces of these lines, in order.
@@ -48,7 +52,7 @@ pub fn write(directory: &RunDirectory, lines: &[Line], file: impl Write) -> Resu
 }
 
 fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
-    let Step { sequence, state, control, frame_hash } = step;
+    let Step { sequence, state, control, frame_hash, told, applied } = step;
     let finite = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     let [x, height, z] = state.position;
     [
@@ -70,5 +74,9 @@ fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
         finite(control.steering),
         finite(control.throttle),
         format!("{frame_hash:016x}"),
+        told.map_or_else(String::new, |[time, _]| finite(time)),
+        told.map_or_else(String::new, |[_, speed]| finite(speed)),
+        applied.map_or_else(String::new, |control| finite(control.steering)),
+        applied.map_or_else(String::new, |control| finite(control.throttle)),
     ]
 }

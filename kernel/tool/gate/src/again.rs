@@ -66,7 +66,8 @@ pub fn of_scenarios<'a>(
 mod tests {
     use super::*;
     use crate::fixture::suite;
-    use crate::step::{Series, steps};
+    use crate::series::Series;
+    use crate::step::steps;
     use serde_json::json;
 
     fn line(seed: u64, cause: &str) -> Line {

@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::recording::Stretch;
+use crate::stretch::Stretch;
 
 /// Hexadecimal digits of a checksum and of a digest.
 const DIGITS: usize = 32;

@@ -10,8 +10,8 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
 use crate::came::BLOCK_MEASURES;
-use crate::recording::{Recording, Stretch};
 use crate::requirement::{By, Kind, Requirement};
+use crate::stretch::{Recording, Stretch};
 use crate::suite::{MOST, Roads, Suite};
 
 /// Checks what a suite says.

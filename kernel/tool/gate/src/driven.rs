@@ -10,8 +10,8 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Reply, Session, Ticket};
 
 use crate::came::{BlockOutcome, Came};
-use crate::recording::Stretch;
 use crate::step::Step;
+use crate::stretch::Stretch;
 
 /// The scenario of a step with a driver in it; `driven` also says which drive of the same scenario it is.
 ///

@@ -19,11 +19,11 @@ use crate::driven::driven_by;
 use crate::judge::{Decision, Judge};
 use crate::kept::Kept;
 use crate::loaded::Loaded;
-use crate::recording::Stretch;
 use crate::repeats::{self, Drove};
 use crate::role::Role;
 use crate::side::Side;
 use crate::step::{Step, steps};
+use crate::stretch::Stretch;
 use crate::verdict::{DriverRecord, Entry, SuiteRecord, Verdict, seen};
 
 /// What a gate came to.

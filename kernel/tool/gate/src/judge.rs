@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::loaded::Loaded;
 use crate::repeats::{Counted, Drove, Luck};
 use crate::requirement::{By, Kind, Requirement};
-use crate::step::{Series, Step};
+use crate::series::Series;
+use crate::step::Step;
 use crate::suite::{Suite, Undecided};
 
 /// What came of a scenario of a suite.

@@ -13,7 +13,8 @@
 //! |---|---|
 //! | [`suite`] | what a suite says; [`requirement`] what it requires; `check` whether that makes sense |
 //! | [`loaded`] | suites by their names or files |
-//! | [`recording`] | recordings, whose blocks take the place of roads; [`opened`] the blocks that they are cut into |
+//! | [`recording`] | blocks of recordings, which take the place of roads; [`stretch`] says which frames they are |
+//! | [`series`] | where scenarios come from, and what they are drawn from |
 //! | [`step`] | its scenarios, in order |
 //! | [`judge`] | the decision, from what came of scenarios |
 //! | [`repeats`] | simulators that do not repeat themselves: verdicts that are stable, and how often drives disagree |
@@ -36,15 +37,16 @@ pub mod judge;
 pub mod kept;
 pub mod loaded;
 mod merkle;
-pub mod opened;
 pub mod probes;
 pub mod recording;
 pub mod repeats;
 pub mod requirement;
 pub mod role;
+pub mod series;
 pub mod shown;
 pub mod side;
 pub mod step;
+pub mod stretch;
 pub mod suite;
 pub mod verdict;
 pub mod verify;

@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::Catalog;
 use pdk_components::product;
-use pdk_components::suggest;
 use pdk_model::canonical::canonical;
 use pdk_pipeline::program::Text;
 use pdk_record::files::recorded;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_sdk::suggest;
 use serde_json::Value;
 
 use crate::check::check;
-use crate::opened::{Open, Opened};
+use crate::recording::{Open, Opened};
+use crate::series;
 use crate::suite::{ENDING, Suite};
 
 /// Bytes of a file that may be a suite.
@@ -44,7 +45,7 @@ impl Loaded {
             let known = suites.iter().map(|suite| suite.name);
             let suite = suites.iter().find(|suite| suite.name == named).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no suite `{named}`, and a file is named with its ending, as in {named}.{ENDING}; {}",
+                    "there is no built-in suite `{named}`; to use a file, write its ending, as in {named}.{ENDING}; {}",
                     suggest::hint(named, known)
                 ))
             })?;
@@ -85,7 +86,8 @@ impl Loaded {
     /// If one cannot be opened.
     pub fn open(&mut self, catalog: &Catalog, open: &mut Open<'_>) -> Result<()> {
         if self.suite.is_recorded() {
-            self.opened = Opened::of(&self.suite, &self.hash, catalog, open)?;
+            let mut random = series::order(&self.hash).sequence();
+            self.opened = Opened::of(&self.suite, catalog, &mut random, open)?;
         }
         Ok(())
     }

@@ -9,8 +9,8 @@ use pdk_statistics::drives::Drives;
 use pdk_statistics::{CONFIDENCE, Estimate, repeats, share};
 use serde::{Deserialize, Serialize};
 
-use crate::recording::Stretch;
 use crate::step::Step;
+use crate::stretch::Stretch;
 use crate::suite::Suite;
 
 /// How often a driver drives a scenario at most in a simulator that does not repeat itself.
@@ -217,7 +217,8 @@ impl Luck {
 mod tests {
     use super::*;
     use crate::fixture::{SMALL, suite};
-    use crate::step::{Series, step};
+    use crate::series::Series;
+    use crate::step::step;
 
     fn drove(text: &str) -> Drove {
         Drove(text.chars().map(|c| c == 'F').collect())

@@ -1,74 +1,23 @@
 //! The scenarios of a suite in the order in which they are looked at. Each follows from the hash of the suite and its number, so it is the
 //! same on every machine and for every driver, and each that is drawn has a road, a perturbation, a level and luck of its own.
 
-use std::fmt;
-use std::str::FromStr;
-
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_road::{MapBox, Road};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::seed::{Key, Random};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use pdk_sdk::seed::Random;
 use serde_json::{Value, json};
 
 use crate::loaded::Loaded;
-use crate::opened::Block;
-use crate::recording::Stretch;
+use crate::recording::Block;
 use crate::requirement::Kind;
+use crate::series::{Series, key};
+use crate::stretch::Stretch;
 use crate::suite::{Place, Roads, Suite};
 
 /// How many roads are drawn until one is valid.
 const ATTEMPTS: usize = 10_000;
-
-/// Where a scenario comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Series {
-    /// It is one of the fixed scenarios, driven by both drivers.
-    Fixed,
-    /// It was drawn, and is driven by both drivers.
-    Drawn,
-    /// It was drawn for the requirement with this number, from 0, and is driven by the new driver alone.
-    Requirement(usize),
-}
-
-impl fmt::Display for Series {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fixed => f.write_str("fixed"),
-            Self::Drawn => f.write_str("drawn"),
-            Self::Requirement(number) => write!(f, "requirement {}", number + 1),
-        }
-    }
-}
-
-impl FromStr for Series {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let number = || text.strip_prefix("requirement ")?.parse::<usize>().ok()?.checked_sub(1);
-        match text {
-            "fixed" => Ok(Self::Fixed),
-            "drawn" => Ok(Self::Drawn),
-            _ => number().map(Self::Requirement).ok_or_else(|| {
-                Error::new(format!("`{text}` is not a series; it has to be fixed, drawn or requirement N"))
-            }),
-        }
-    }
-}
-
-impl Serialize for Series {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Series {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
-    }
-}
 
 /// A scenario of a suite.
 #[derive(Debug, Clone, PartialEq)]
@@ -193,17 +142,6 @@ fn perturbed(suite: &Suite, series: Series, random: &mut Random) -> Result<Drawn
 
 fn level_of(applied: Option<&AppliedPerturbation>) -> Option<f64> {
     applied.and_then(|applied| serde_json::to_value(applied).ok()?.get("level")?.as_f64())
-}
-
-/// The stream of draws of a scenario.
-fn key(hash: &str, series: Series, number: usize) -> Key {
-    let mut hasher = blake3::Hasher::new_derive_key("pdk suite scenario, version 1");
-    for part in [hash, &series.to_string()] {
-        hasher.update(&(part.len() as u64).to_le_bytes());
-        hasher.update(part.as_bytes());
-    }
-    hasher.update(&(number as u64).to_le_bytes());
-    Key(*hasher.finalize().as_bytes())
 }
 
 fn road(random: &mut Random, roads: &Roads) -> Result<Value> {

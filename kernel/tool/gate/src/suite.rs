@@ -7,8 +7,8 @@ use pdk_sdk::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::recording::{Recording, Stretch};
 use crate::requirement::{Kind, Requirement};
+use crate::stretch::{Recording, Stretch};
 
 /// The largest number of scenarios.
 pub const MOST: usize = 1_000_000;

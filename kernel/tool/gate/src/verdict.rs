@@ -18,11 +18,12 @@ use crate::came::{Came, Ending};
 use crate::judge::{Decision, Judge, Seen};
 use crate::loaded::Loaded;
 use crate::merkle;
-use crate::opened::RecordingRecord;
+use crate::recording::RecordingRecord;
 use crate::repeats::{self, Drove};
 use crate::requirement::Kind;
 use crate::role::Role;
-use crate::step::{Series, Step, steps};
+use crate::series::Series;
+use crate::step::{Step, steps};
 
 /// The version of the format.
 const FORMAT: u32 = 1;
@@ -253,7 +254,7 @@ impl Verdict {
                     was.kind, was.name, was.version
                 ));
             } else if changed {
-                changes.push(format!("the file of the {} `{}` is another", was.kind, was.name));
+                changes.push(format!("the file of the {} `{}` is a different one", was.kind, was.name));
             }
         }
         changes.dedup();

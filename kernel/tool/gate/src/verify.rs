@@ -20,11 +20,11 @@ use serde_json::Value;
 
 use crate::driven::{self, driven_by};
 use crate::loaded::Loaded;
-use crate::opened::RecordingRecord;
 use crate::probes;
-use crate::recording::Stretch;
+use crate::recording::RecordingRecord;
 use crate::role::Role;
 use crate::step::step;
+use crate::stretch::Stretch;
 use crate::verdict::{Entry, Verdict};
 
 /// How a verdict is verified.
@@ -70,7 +70,7 @@ pub fn check_suite(verdict: &Verdict, loaded: &Loaded) -> Result<()> {
         return Ok(());
     }
     let what = match (was.name == suite.name, was.version == suite.version) {
-        (true, true) => "its contents are others".to_owned(),
+        (true, true) => "its contents differ".to_owned(),
         (true, false) => format!("it has version {} and not {}", suite.version, was.version),
         _ => format!("it is called `{}`", suite.name),
     };
@@ -232,7 +232,7 @@ fn check_engine(catalog: &Catalog, scenario: &Scenario, settled: &[(String, Stri
         Error::of(
             ErrorKind::Configuration,
             format!(
-                "the verdict cannot be verified on this machine, whose networks are computed otherwise ({error}); use a machine with {}",
+                "the verdict cannot be verified on this machine, because it computes networks differently ({error}); use a machine with {}",
                 had.join(", ")
             ),
         )

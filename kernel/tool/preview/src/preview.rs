@@ -20,7 +20,7 @@ use serde_json::{Map, Value};
 
 use crate::picture::{self, Block};
 
-/// The moment at which a perturbation is shown in seconds: those that move have begun to.
+/// The time at which a preview shows a perturbation, in seconds. Moving ones are already moving then.
 const MOMENT: f64 = 2.0;
 
 /// How much larger things become from one frame to the next where a perturbation needs earlier frames.
@@ -39,7 +39,7 @@ pub struct Options {
     pub frame_width: u32,
     /// Width of a picture, in pixels.
     pub picture_width: u32,
-    /// The saliency method whose maps stand below the pictures, where they are wanted.
+    /// The saliency method whose maps stand below the pictures, if they are wanted.
     pub maps: Option<ComponentSpec>,
 }
 
@@ -98,7 +98,8 @@ pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Show
                 AppliedPerturbation { parameters, ..AppliedPerturbation::new(&description.name, 0.0) };
             Shown { description, applied, one_level: false }
         };
-        return Ok(usable(catalog, all).into_iter().map(shown).collect());
+        let usable = usable(catalog, all).into_iter().filter(|description| description.acts_on.is_frame());
+        return Ok(usable.map(shown).collect());
     }
     let shown = |text: &String| {
         let applied = AppliedPerturbation::parse(text)?;
@@ -291,7 +292,7 @@ mod tests {
         assert_eq!(levels("fog"), all);
         assert_eq!(levels("fog,probability=0.5"), all);
         assert_eq!(levels("fog@2"), [Some(2.0)]);
-        // Also where it is the one that would be taken without a name.
+        // Also if it is the one that would be taken without a name.
         assert_eq!(levels(&format!("frost@{}", pdk_model::level::DEFAULT_LEVEL)).len(), 1);
         assert_eq!(levels("fog,level=3,probability=0.5"), [Some(3.0)]);
         let error = chosen(&catalog(), &["fok".to_owned()], false).err().unwrap();

@@ -60,11 +60,21 @@ fn temporal(description: &Description) -> &'static str {
     }
 }
 
+/// Where the picture of a perturbation lies that changes frames.
+fn picture(description: &Description) -> String {
+    let name = &description.name;
+    match description.acts_on.is_frame() {
+        true => format!("![{name} at levels 0 to 4](pictures/{name}.jpg)\n\n"),
+        false => String::new(),
+    }
+}
+
 fn section(description: &Description) -> String {
     let Description { name, doc, version, .. } = description;
     let set = if description.default { "in the default set" } else { "by name only" };
     let mut text = format!(
-        "\n## {name}\n\n{doc}.\n\n![{name} at levels 0 to 4](pictures/{name}.jpg)\n\n*{}, {set}, version {version}*\n",
+        "\n## {name}\n\n{doc}.\n\n{}*{}, {set}, version {version}*\n",
+        picture(description),
         temporal(description)
     );
     let mut line = |label: &str, line: &str| {
@@ -72,6 +82,9 @@ fn section(description: &Description) -> String {
             text += &format!("\n**{label}** {line}\n");
         }
     };
+    if !description.acts_on.is_frame() {
+        line("Acts on", &format!("{}; in drives alone.", description.acts_on.text()));
+    }
     line("Computes", &description.mathematics);
     line("Drawn once per sequence:", &description.drawn_per_sequence);
     line("Drawn for every frame:", &description.drawn_per_frame);
@@ -79,6 +92,9 @@ fn section(description: &Description) -> String {
     if description.history > 0 {
         let frames = format!("up to {} frames before the one at hand.", description.history);
         line("Needs:", &frames);
+    }
+    if let Some(choice) = &description.depth {
+        line("Needs:", &format!("a simulator that knows how far away pixels are, with `{choice}`."));
     }
     line("Source:", &description.source);
     line("Differs from the published tool:", &description.divergences.join(" "));

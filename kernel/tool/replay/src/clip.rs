@@ -1,4 +1,4 @@
-//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at where that was
+//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at if that was
 //! recorded, and below it what the vehicle did.
 
 use std::path::Path;
@@ -67,7 +67,7 @@ struct Film {
 pub struct Layout {
     /// Size of a shown frame.
     pub shown: (u32, u32),
-    /// How many times it is enlarged; 0 where it is reduced.
+    /// How many times it is enlarged; 0 if it is reduced.
     factor: u32,
     /// How many frames stand side by side.
     panels: u32,
@@ -420,7 +420,7 @@ mod tests {
         trace.event(0.0, false, "fast").unwrap();
         for &sequence in sequences {
             let state = State { time: sequence as f64 / 4.0, ..State::default() };
-            trace.step(&Step { sequence, state, control: Control::default(), frame_hash: 0 }).unwrap();
+            trace.step(&Step { sequence, state, ..Step::default() }).unwrap();
             let data = vec![20 + 10 * sequence as u8; 64 * 16 * 3];
             let frame = Frame::new(&data, 64, 16).unwrap();
             for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
@@ -510,7 +510,7 @@ mod tests {
         let mut incomplete = Trace::create(&trace, &recorded.line.id).unwrap();
         for sequence in [0, 1] {
             let (state, control) = (State::default(), Control::default());
-            incomplete.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
+            incomplete.step(&Step { sequence, state, control, ..Step::default() }).unwrap();
         }
         incomplete.finish().unwrap();
         let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();

@@ -119,7 +119,8 @@ fn another_end(step: &Step, recorded: &str, replayed: &str) -> Difference {
     }
 }
 
-/// The first thing that differs, in the order in which the loop makes them: state, frame, control.
+/// The first thing that differs, in the order in which the loop makes them: state, frame, what the driver gets besides, control, and what
+/// is applied.
 fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
     let found = |what: &str, was: String, is: String| {
         let frame = Some(replayed.sequence);
@@ -142,10 +143,21 @@ fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
         let hash = |step: &Step| format!("{:016x}", step.frame_hash);
         return found("the hash of the frame", hash(recorded), hash(replayed));
     }
-    let (was, is) = (recorded.control.numbers(), replayed.control.numbers());
-    first_other(&was, &is)
-        .and_then(|place| found(Control::NUMBERS[place], was[place].to_string(), is[place].to_string()))
+    // What is not recorded was not changed: the driver got what is in the state, and its control was applied.
+    let signals = |step: &Step| {
+        let told = step.told.unwrap_or([step.state.time, step.state.speed]);
+        let applied = step.applied.unwrap_or(step.control).numbers();
+        [(TOLD, told), (Control::NUMBERS, step.control.numbers()), (APPLIED, applied)]
+    };
+    signals(recorded).into_iter().zip(signals(replayed)).find_map(|((names, was), (_, is))| {
+        let place = first_other(&was, &is)?;
+        found(names[place], was[place].to_string(), is[place].to_string())
+    })
 }
+
+/// What a difference calls the numbers that the driver got, and those that were applied to the vehicle.
+const TOLD: [&str; 2] = ["the time that the driver got", "the speed that the driver got"];
+const APPLIED: [&str; 2] = ["the steering that was applied", "the throttle that was applied"];
 
 /// The place of the first number that has other bits.
 fn first_other(was: &[f64], is: &[f64]) -> Option<usize> {
@@ -175,14 +187,14 @@ mod tests {
 
     fn step() -> Step {
         let state = State { time: 0.85, speed: 8.0, ..State::default() };
-        Step { sequence: 17, state, control: Control::default(), frame_hash: 0xabc }
+        Step { sequence: 17, state, frame_hash: 0xabc, ..Step::default() }
     }
 
     #[test]
     fn every_field_of_a_step_is_compared_bit_for_bit() {
         assert_eq!(step_difference(&step(), &step()), None);
         type Change = fn(&mut Step);
-        let changes: [(&str, Change); 15] = [
+        let changes: [(&str, Change); 19] = [
             ("time", |s| s.state.time += 1e-15),
             ("x", |s| s.state.position[0] = -0.0),
             ("height", |s| s.state.position[1] = 1.0),
@@ -198,6 +210,12 @@ mod tests {
             ("the hash of the frame", |s| s.frame_hash += 1),
             ("steering", |s| s.control.steering = -0.0),
             ("throttle", |s| s.control.throttle = 1.0),
+            ("the time that the driver got", |s| s.told = Some([0.9, 8.0])),
+            ("the speed that the driver got", |s| s.told = Some([0.85, f64::NAN])),
+            ("the steering that was applied", |s| {
+                s.applied = Some(Control { steering: -0.0, throttle: 0.0 })
+            }),
+            ("the throttle that was applied", |s| s.applied = Some(Control { steering: 0.0, throttle: 1.0 })),
         ];
         for (what, change) in changes {
             let mut other = step();

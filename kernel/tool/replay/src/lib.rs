@@ -18,6 +18,7 @@
 //! | [`parts`] | what is different since then of pdk, components and files, and where these are looked for |
 //! | [`compare`] | two traces and two outcomes |
 //! | [`shrink`] | the simplest scenario that still fails like a recorded one |
+//! | [`why`] | the smallest parts of a drive that are proven to make it fail, and to be needed for that; `smallest` searches for them |
 //! | [`clip`] | a video of one scenario, made from its new trace; [`pair`] one of two beside each other; `gauge` draws the quantities below the frames |
 //!
 //! The findings of a replay are data ([`compare::Compared`]); that a difference makes the command fail is for the command line
@@ -31,3 +32,5 @@ pub mod parts;
 pub mod recorded;
 pub mod replay;
 pub mod shrink;
+pub mod smallest;
+pub mod why;

@@ -190,7 +190,7 @@ pub fn changes(
     let noted: BTreeSet<&Path> = here.files.iter().map(|file| file.path.as_path()).collect();
     let gone = |file: &&FileRecord| !noted.contains(file.path.as_path()) && !file.path.exists();
     let gone = manifest.files.iter().filter(gone);
-    changes.extend(gone.map(|file| format!("the file {} is not there any more", file.path.display())));
+    changes.extend(gone.map(|file| format!("the file {} no longer exists", file.path.display())));
     Ok(changes)
 }
 

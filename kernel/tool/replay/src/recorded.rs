@@ -27,7 +27,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// Its name, cut off where it does not fit into a line.
+    /// Its name, cut off if it does not fit into a line.
     pub fn short_name(&self) -> String {
         let name = &self.line.name;
         match name.char_indices().nth(LONGEST_NAME) {
@@ -36,7 +36,7 @@ impl Recorded {
         }
     }
 
-    /// Which frames its driver did not see, where it was driven in real time; `steps` are those of its trace, in which their
+    /// Which frames its driver did not see, if it was driven in real time; `steps` are those of its trace, in which their
     /// numbers are missing. Those behind the last step are in the outcome only.
     pub fn skips(&self, steps: &[Step]) -> Option<Vec<Skip>> {
         if self.line.scenario.mode == Mode::Lockstep {
@@ -54,7 +54,7 @@ impl Recorded {
     }
 }
 
-/// The wanted ones of the scenarios in a ledger, in order, each once; all where none is named. A scenario is named by its number, by
+/// The wanted ones of the scenarios in a ledger, in order, each once; all if none is named. A scenario is named by its number, by
 /// its id, or by a beginning of its id that no other has. `place` is what errors call the record.
 ///
 /// # Errors
@@ -152,12 +152,7 @@ mod tests {
     #[test]
     fn frames_that_were_skipped_are_those_that_the_trace_lacks() {
         let mut recorded = Recorded { number: 0, line: line(IDS[0]) };
-        let step = |sequence: u64| Step {
-            sequence,
-            state: State::default(),
-            control: Control::default(),
-            frame_hash: 0,
-        };
+        let step = |sequence: u64| Step { sequence, ..Step::default() };
         let steps = [0, 1, 4, 5, 7].map(step);
         assert_eq!(recorded.skips(&steps), None);
         recorded.line.scenario.mode = Mode::Realtime;
@@ -169,7 +164,7 @@ mod tests {
         assert_eq!(skips(&recorded, &steps), [(1, 2), (5, 1)]);
         recorded.line.outcome.skipped_frames = 7;
         assert_eq!(skips(&recorded, &steps), [(1, 2), (5, 1), (7, 4)]);
-        // Nothing for the clock to say, even where nothing is known.
+        // Nothing for the clock to say, even if nothing is known.
         assert_eq!(skips(&recorded, &[]), []);
     }
 

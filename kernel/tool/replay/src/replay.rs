@@ -9,6 +9,7 @@ use pdk_chain::view;
 use pdk_components::catalog::Catalog;
 use pdk_loop::protocol::{Drive, Driven};
 use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::Scenario;
 use pdk_record::directory::{RESULTS, RunDirectory, SCENARIOS};
 use pdk_record::ledger::{self, Line};
 use pdk_record::located::Located;
@@ -26,6 +27,7 @@ use crate::pair::{self, Taken};
 use crate::parts::{self, Further};
 use crate::recorded::{Recorded, select};
 use crate::shrink::{self, Shrunk};
+use crate::why::{self, Why};
 
 /// Recorded scenarios to replay.
 pub struct Replay {
@@ -50,7 +52,7 @@ pub struct Replayed {
 }
 
 impl Replay {
-    /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; where it is empty, all are wanted.
+    /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; if it is empty, all are wanted.
     ///
     /// # Errors
     /// If the folder holds no scenarios of the closed loop, is damaged, or has no wanted scenario.
@@ -200,14 +202,48 @@ impl Replay {
             return Err(Error::new("there is no scenario to shrink"));
         };
         let shrunk = shrink::shrink(&mut session, &recorded.line, limits, progress)?;
-        let Some(clip) = clip else { return Ok(shrunk) };
-        let folder = tempfile::Builder::new()
-            .prefix("pdk-shrink-")
-            .tempdir()
-            .place("cannot make a temporary folder; name a place for it with TMPDIR")?;
-        let trace = folder.path().join("shrunk.mcap");
-        let scenario = shrunk.scenario.clone();
-        let name = scenario.default_name();
+        if let Some(clip) = clip {
+            film_all(session, &[(&shrunk.scenario, clip)], progress)?;
+        }
+        Ok(shrunk)
+    }
+
+    /// Finds out why the first of the scenarios failed, and films both drives that prove it if `clips` names their videos. The session is over
+    /// afterwards.
+    ///
+    /// # Errors
+    /// If there is no failure, the session cannot go on, or a video cannot be written.
+    pub fn why(
+        &self,
+        mut session: Session,
+        clips: Option<[&Path; 2]>,
+        progress: &ProgressBar,
+    ) -> Result<Why> {
+        interrupt::watch()?;
+        let Some(recorded) = self.scenarios.first() else {
+            return Err(Error::new("there is no scenario to explain"));
+        };
+        if let Some(sentence) = self.own_clock(session.catalog()).first() {
+            return Err(Error::new(sentence.clone()).at("a cause cannot be proven"));
+        }
+        let why = why::why(&mut session, &recorded.line, progress)?;
+        if let Some([sufficient, necessary]) = clips {
+            let films = [(&why.sufficient.scenario, sufficient), (&why.necessary.scenario, necessary)];
+            film_all(session, &films, progress)?;
+        }
+        Ok(why)
+    }
+}
+
+/// Drives scenarios once more and films them. The session is over afterwards.
+fn film_all(mut session: Session, films: &[(&Scenario, &Path)], progress: &ProgressBar) -> Result<()> {
+    let folder = tempfile::Builder::new()
+        .prefix("pdk-film-")
+        .tempdir()
+        .place("cannot make a temporary folder; name a place for it with TMPDIR")?;
+    for (number, (scenario, clip)) in (0..).zip(films) {
+        let trace = folder.path().join(format!("{number}.mcap"));
+        let (scenario, name) = ((*scenario).clone(), scenario.default_name());
         let ticket = session.drive(Drive {
             scenario: scenario.clone(),
             name: name.clone(),
@@ -221,11 +257,11 @@ impl Replay {
         };
         let outcome = driven.outcome.clone();
         let line = Line { id: scenario.id(), name, scenario, images_every: 1, outcome };
-        film(clip, &Recorded { number: 0, line }, &driven, &trace)?;
-        // The session ends before the folder goes, as its workers write there.
-        drop(session);
-        Ok(shrunk)
+        film(clip, &Recorded { number, line }, &driven, &trace)?;
     }
+    // The session ends before the folder goes, as its workers write there.
+    drop(session);
+    Ok(())
 }
 
 /// A video that is wanted.

@@ -197,7 +197,7 @@ impl Shrinking<'_> {
         Ok(fails)
     }
 
-    /// Cuts the road off behind and before the failure, and makes what is left straight where that changes nothing. Only roads of
+    /// Cuts the road off behind and before the failure, and makes what is left straight if that changes nothing. Only roads of
     /// angles can be simplified.
     fn road(&mut self) -> Result<()> {
         let Some(mut angles) = self.angles() else { return Ok(()) };
@@ -302,16 +302,12 @@ pub fn luck(shrunk: &Shrunk) -> String {
     })
 }
 
-/// A pipeline that drives what is left, for anyone to run.
+/// A pipeline that drives a scenario, for anyone to run. `more` says what else there is to know of it, without a full stop; may be empty.
 ///
 /// # Errors
 /// If the scenario cannot be JSON.
-pub fn script(shrunk: &Shrunk, name: &str) -> Result<String> {
-    let Shrunk { scenario, outcome, .. } = shrunk;
-    let luck = match luck(shrunk) {
-        luck if luck.is_empty() => luck,
-        luck => format!("\n-- {luck}."),
-    };
+pub fn script(scenario: &Scenario, outcome: &Outcome, more: &str, name: &str) -> Result<String> {
+    let more = if more.is_empty() { String::new() } else { format!("\n-- {more}.") };
     // Whatever a scenario holds is a field of it in a pipeline too.
     let fields = serde_json::to_value(scenario)?;
     let field = |(name, value): (&String, &Value)| {
@@ -330,7 +326,7 @@ pub fn script(shrunk: &Shrunk, name: &str) -> Result<String> {
     let fields = fields.as_object().into_iter().flatten().filter(|(name, _)| *name != "files");
     let fields: Vec<String> = fields.map(field).collect();
     Ok(format!(
-        "-- {}: {} after {:.2} s.{luck}\n--\n--   pdk run {name}\n\npdk.show(pdk.drive({{\n\timages_every = 1,\n\tscenarios = {{ \
+        "-- {}: {} after {:.2} s.{more}\n--\n--   pdk run {name}\n\npdk.show(pdk.drive({{\n\timages_every = 1,\n\tscenarios = {{ \
          {{\n{}\t}} }},\n}}))\n",
         scenario.default_name(),
         outcome.cause.text(),

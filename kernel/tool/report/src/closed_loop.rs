@@ -201,9 +201,10 @@ fn road_note(drive: &Drive, pictures: usize) -> String {
         .count();
     match without().count() - unreadable - void {
         0 => {}
-        _ if drive.roads.is_empty() => sentences.push("The simulator does not tell its roads.".to_owned()),
+        _ if drive.roads.is_empty() => sentences.push("The simulator does not report its roads.".to_owned()),
         unknown => {
-            sentences.push(format!("Of {} the simulator did not tell the road.", count(unknown, "scenario")));
+            sentences
+                .push(format!("The simulator did not report the road of {}.", count(unknown, "scenario")));
         }
     }
     if void > 0 {

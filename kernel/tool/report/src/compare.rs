@@ -146,7 +146,7 @@ struct Shared<'a> {
     other: (&'a Drive, Trials<'a>),
     /// Roads that both drove.
     roads: Vec<String>,
-    /// Perturbations that both drove, the worst first.
+    /// The perturbations under which both drove, the worst first.
     names: Vec<String>,
     levels: Vec<f64>,
 }

@@ -13,6 +13,7 @@
 //! |---|---|
 //! | [`record`] | what a page says, read from the folder of a run |
 //! | [`published`] | scenarios in the JSON shape of the published tool |
+//! | [`telemetry`] | which steps of a scenario are shown |
 //! | [`tables`], [`figures`] | tables as plain data and pictures as files, for papers and other programs |
 //! | `view` | what a page is about, as plain data |
 //! | `page` | puts the page together; `overview`, `closed_loop`, `offline`, `search` and `strategies` make its parts |
@@ -44,6 +45,7 @@ mod strategies;
 pub mod tables;
 mod tally;
 mod tasks;
+pub mod telemetry;
 mod text;
 mod tracks;
 mod view;

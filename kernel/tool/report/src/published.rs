@@ -8,11 +8,11 @@ use pdk_record::directory::RunDirectory;
 use pdk_record::ledger::{self, Line};
 use pdk_record::trace::reader::{Owner, read_recorded};
 use pdk_record::trace::step::Step;
-use pdk_record::trace::telemetry::samples;
 use pdk_sdk::error::{Place, Result};
 use serde::Serialize;
 
 use crate::parallel;
+use crate::telemetry::samples;
 
 /// One scenario as the published tool writes it.
 #[derive(Debug, Serialize)]
@@ -43,7 +43,7 @@ pub struct PublishedScenario {
     pub waypoints: String,
     /// The perturbation; several are joined with a plus sign, and none is empty.
     pub perturbation_function: String,
-    /// Its level: that of the first where there are several, that at the start where it changes, 0 where there is none.
+    /// Its level: that of the first if there are several, that at the start if it changes, 0 if there is none.
     pub perturbation_scale: f64,
 }
 
@@ -137,7 +137,7 @@ mod tests {
                 ..State::default()
             };
             let control = Control { steering: 0.25, throttle: 0.75 };
-            trace.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
+            trace.step(&Step { sequence, state, control, ..Step::default() }).unwrap();
         }
         trace.road("0,0,0@1,5,20").unwrap();
         trace.event(0.5, true, "time out").unwrap();

@@ -274,6 +274,7 @@ fn compared_offline(base: &Evaluation, other: &Evaluation, suffix: &str) -> Opti
             Cell::number(figures.difference.value, signed),
             finite(figures.difference.low),
             finite(figures.difference.high),
+            Cell::number(figures.effect_size, number),
             Cell::number(figures.worse, percent),
             Cell::count(figures.frames),
         ]
@@ -291,6 +292,7 @@ fn compared_offline(base: &Evaluation, other: &Evaluation, suffix: &str) -> Opti
             "difference",
             "low",
             "high",
+            "effect size",
             "other further off",
             "frames",
         ]),

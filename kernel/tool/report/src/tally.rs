@@ -1,4 +1,4 @@
-//! How the scenarios of a group went.
+//! Counts of how the scenarios of a group ended.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use pdk_statistics::share;
 use crate::text::{count, number, percent};
 use crate::view::{Scenario, Verdict};
 
-/// How the scenarios of a group went.
+/// Counts of how the scenarios of a group ended.
 #[derive(Debug, Clone, Default)]
 pub struct Tally {
     /// Scenarios that failed, in whatever way.
@@ -36,7 +36,7 @@ pub struct Tally {
 /// What is known of a road.
 #[derive(Debug, Clone, Default)]
 struct Road {
-    /// Drives under the same luck, by the drive they belong to and their seed.
+    /// Drives with the same random draws, by their scenario without perturbations and their seed.
     trials: BTreeMap<(usize, u64), Vec<Trial>>,
     /// Whether drives failed that have no level.
     others: Vec<bool>,
@@ -89,7 +89,7 @@ impl Tally {
         tally
     }
 
-    /// The share of all drives that failed; 0 where nothing is known.
+    /// The share of all drives that failed; 0 if nothing is known.
     pub fn share_of_drives(&self) -> f64 {
         self.failed as f64 / self.judged.max(1) as f64
     }

@@ -10,7 +10,7 @@ pub fn level(value: f64) -> String {
     short((value * 100.0).round() / 100.0)
 }
 
-/// A number that is read in a table: three digits behind the point, fewer where it is large.
+/// A number for a table: three decimal places, fewer if it is large.
 pub fn number(value: f64) -> String {
     match value.abs() {
         size if !size.is_finite() => "–".to_owned(),

@@ -6,12 +6,12 @@ use std::time::{Duration, SystemTime};
 use pdk_model::outcome::Verdict;
 use pdk_record::directory::{CLIPS, MANIFEST, PROGRESS, RunDirectory, SCENARIOS};
 use pdk_record::ledger::{self, Line};
-use pdk_record::shell;
 use pdk_record::trace::reader::{Entry, Owner, TraceReader};
 use pdk_record::trace::step::ImageTopic;
-use pdk_record::trace::telemetry::samples;
+use pdk_report::telemetry::samples;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
+use pdk_terminal::shell;
 use serde_json::{Value, json};
 
 use crate::drive;

@@ -21,7 +21,7 @@ use crate::wear::Wear;
 use pdk_road::traffic::{self, Traffic, Wanted};
 use pdk_road::{Located, Point};
 
-/// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
+/// How far from its last place along the road the vehicle is looked for, in metres, if it does not move faster: so a
 /// road that comes close to itself is never mistaken for another part of it.
 const SEARCH: f64 = 10.0;
 

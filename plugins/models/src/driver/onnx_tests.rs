@@ -13,7 +13,7 @@ fn open(given: Value) -> Result<Onnx> {
     Onnx::new(&Config::check(&Onnx::description(), given.as_object().unwrap())?)
 }
 
-/// The engines to test; ONNX Runtime where it is found.
+/// The engines to test; ONNX Runtime if it is found.
 fn engines() -> Vec<&'static str> {
     match Search::from_environment().find().unwrap() {
         Some(_) => vec!["tract", "onnxruntime"],

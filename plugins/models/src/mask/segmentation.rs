@@ -90,7 +90,7 @@ mod tests {
     use super::*;
     use pdk_onnx::testing::{Setting, Sketch};
     use pdk_onnx::{Tensor, model};
-    use pdk_sdk::testing::check_mask;
+    use pdk_sdk::mask;
 
     /// A network of three classes: dark, red and bright, for images of 8 x 6.
     fn network() -> tempfile::NamedTempFile {
@@ -139,8 +139,9 @@ mod tests {
             mask.weights(frame.as_ref(), &MapContext::new(0, 0.0, &key), out).unwrap();
             // In the middle of each column, since the edges are blended by the resizing.
             assert_eq!([4, 12, 20].map(|x| weights[6 * 24 + x]), expected, "{classes}");
-            check_mask(&config(&file, &classes), &mut |config| {
-                Ok(Box::new(Segmentation::new(config)?) as Box<dyn Mask>)
+            let config = config(&file, &classes);
+            mask::check(&Segmentation::description(), &config, &mut |config| {
+                Ok(Box::new(Segmentation::new(config)?))
             })
             .unwrap();
         }

@@ -40,7 +40,7 @@ impl Method for Plain {
         let description = Description::saliency("gradient", "The gradient of the output with respect to each pixel")
             .family("gradient")
             .source("Simonyan et al., \"Deep Inside Convolutional Networks: Visualising Image Classification Models and Saliency Maps\" (2014)")
-            .mathematics("`map = max_c |g_c|` over the colours, or `Σ_c g_c` where the sign matters");
+            .mathematics("`map = max_c |g_c|` over the colours, or `Σ_c g_c` if the sign matters");
         parameters(description).parameter(sign_parameter())
     }
 

@@ -29,7 +29,7 @@ pub struct Kept {
 
 impl Kept {
     /// For a method with its parameters; none if the network's weights lie in files of their own, whose content is not known
-    /// here, or where there is no folder.
+    /// here, or if there is no folder.
     pub fn new(description: &Description, config: &Config, viewer: &Viewer) -> Option<Self> {
         let folder = pdk_sdk::cache::cache().ok()?.folder.join("maps");
         make_room(&folder, ROOM);

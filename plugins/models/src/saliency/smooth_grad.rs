@@ -27,7 +27,7 @@ impl Method for Smooth {
         )
         .family("gradient")
         .source("Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017)")
-        .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` where the sign matters")
+        .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` if the sign matters")
         .drawn_per_frame("the noise");
         parameters(description)
             .parameter(sign_parameter())

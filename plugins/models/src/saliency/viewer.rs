@@ -110,7 +110,7 @@ impl Viewer {
         self.session.engine()
     }
 
-    /// Tells the network this speed from now on, or the assumed one where it is not known.
+    /// Tells the network this speed from now on, or the assumed one if it is not known.
     pub fn move_at(&mut self, speed: Option<f64>) {
         self.speed = speed.unwrap_or(self.assumed_speed);
     }

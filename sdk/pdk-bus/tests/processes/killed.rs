@@ -27,7 +27,7 @@ fn delays(longest: Duration) -> impl Iterator<Item = Duration> {
     })
 }
 
-/// A file as iceoryx2 leaves it where it is killed between making and filling it.
+/// A file as iceoryx2 leaves it if it is killed between making and filling it.
 fn plant(file: &Path) {
     let _ = fs::remove_file(file);
     OpenOptions::new().write(true).create_new(true).mode(0o200).open(file).unwrap();

@@ -1,4 +1,5 @@
-//! `Conv`: its gradient is a transposed convolution with the same weights.
+//! `Conv`: its gradient is a transposed convolution with the same weights. That of the weights is a convolution of its input with the
+//! gradient.
 
 use pdk_sdk::error::{Error, Result};
 
@@ -66,7 +67,52 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let (window, group) = window(site)?;
-    Ok(vec![(0, b.conv_transpose(g, site.input(1)?, &window, group)?)])
+    let mut parts = Vec::new();
+    if b.wants(site, 0) {
+        parts.push((0, b.conv_transpose(g, site.input(1)?, &window, group)?));
+    }
+    if b.wants(site, 1) {
+        parts.push((1, of_weights(b, site.input(0)?, g, &window, group)?));
+    }
+    if b.wants(site, 2) {
+        parts.push((2, of_bias(b, g)?));
+    }
+    Ok(parts)
+}
+
+/// The gradient of the weights that lead from `image` to something whose gradient is `g`. Each weight joins an element of `image` to
+/// one of `g` for each place of the window, so this is a convolution whose window is all of `g`: strides and dilations change their roles, and
+/// so do batch and channels.
+pub fn of_weights(b: &mut Builder, image: &str, g: &str, window: &Window, group: usize) -> Result<String> {
+    let shape = b.shape(image)?;
+    let (batch, depth) = (shape[0], shape[1] / group);
+    let spatial = || 2..shape.len();
+    // [batch, group, depth, ...] becomes [depth, group * batch, ...].
+    let parted: Vec<_> = [batch, group, depth].into_iter().chain(shape[2..].iter().copied()).collect();
+    let image = b.reshape(image, &parted)?;
+    let order: Vec<_> = [2, 1, 0].into_iter().chain(spatial().map(|axis| axis + 1)).collect();
+    let image = b.transpose(&image, &order)?;
+    let joined: Vec<_> = [depth, group * batch].into_iter().chain(shape[2..].iter().copied()).collect();
+    let image = b.reshape(&image, &joined)?;
+    let exchange: Vec<_> = [1, 0].into_iter().chain(spatial()).collect();
+    let g = b.transpose(g, &exchange)?;
+    let over = Window {
+        output: window.kernel.clone(),
+        kernel: window.output.clone(),
+        strides: window.dilations.clone(),
+        dilations: window.strides.clone(),
+        ..window.clone()
+    };
+    let weights = b.conv(&image, &g, &over, group)?;
+    b.transpose(&weights, &exchange)
+}
+
+/// The gradient of a number for each channel that is added to something whose gradient is `g`.
+pub fn of_bias(b: &mut Builder, g: &str) -> Result<String> {
+    let shape = b.shape(g)?;
+    let axes: Vec<_> = (0..shape.len()).filter(|&axis| axis != 1).collect();
+    let sum = b.sum(g, &axes)?;
+    b.reshape(&sum, &[shape[1]])
 }
 
 #[cfg(test)]

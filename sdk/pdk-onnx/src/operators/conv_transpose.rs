@@ -1,4 +1,4 @@
-//! `ConvTranspose`: its gradient is a convolution with the same weights.
+//! `ConvTranspose`: its gradient is a convolution with the same weights. That of the weights is one of the gradient with its input.
 
 use pdk_sdk::error::Result;
 
@@ -52,7 +52,17 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let (window, group) = window(site)?;
-    Ok(vec![(0, b.conv(g, site.input(1)?, &window, group)?)])
+    let mut parts = Vec::new();
+    if b.wants(site, 0) {
+        parts.push((0, b.conv(g, site.input(1)?, &window, group)?));
+    }
+    if b.wants(site, 1) {
+        parts.push((1, conv::of_weights(b, g, site.input(0)?, &window, group)?));
+    }
+    if b.wants(site, 2) {
+        parts.push((2, conv::of_bias(b, g)?));
+    }
+    Ok(parts)
 }
 
 #[cfg(test)]

@@ -16,12 +16,7 @@ pub const OPERATORS: &[Operator] = &[
         |_, x| Ok(vec![given(x, 0)?.clone()]),
         Rule::First(|_, _, g| Ok(vec![(0, g.to_owned())])),
     ),
-    Operator::new(
-        "Dropout",
-        infer_dropout,
-        |_, x| Ok(vec![given(x, 0)?.clone()]),
-        Rule::First(gradient_dropout),
-    ),
+    Operator::new("Dropout", infer_dropout, evaluate_dropout, Rule::First(gradient_dropout)),
     Operator::new("Cast", infer_cast, evaluate_cast, Rule::First(gradient_cast)),
     Operator::new("Reshape", infer_reshape, reshaped, Rule::First(reshape_back)),
     Operator::new("Flatten", infer_flatten, reshaped, Rule::First(reshape_back)),
@@ -36,12 +31,24 @@ fn infer_dropout(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![fact, mask])
 }
 
-fn gradient_dropout(site: &Site<'_>, _: &mut Builder, g: &str) -> Result<Parts> {
+/// It leaves the values as they are, unless it is set to training.
+fn check_dropout(site: &Site<'_>) -> Result<()> {
     if site.number_at(2, "")?.is_some_and(|training| training != 0.0) {
         return Err(Error::new(
             "it is set to training, in which it draws at random; export the model for inference",
         ));
     }
+    Ok(())
+}
+
+fn evaluate_dropout(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    check_dropout(site)?;
+    let x = given(inputs, 0)?;
+    Ok(vec![x.clone(), Tensor::filled(Element::BOOL, &x.shape, 1.0)?])
+}
+
+fn gradient_dropout(site: &Site<'_>, _: &mut Builder, g: &str) -> Result<Parts> {
+    check_dropout(site)?;
     Ok(vec![(0, g.to_owned())])
 }
 
@@ -75,7 +82,7 @@ fn infer_reshape(site: &Site<'_>) -> Result<Vec<Fact>> {
     for (place, &dim) in asked.iter().enumerate() {
         shape.push(match dim {
             0 if !keeps_zeros => {
-                *fact.shape.get(place).ok_or_else(|| Error::new("it copies an axis that is not there"))?
+                *fact.shape.get(place).ok_or_else(|| Error::new("it copies an axis that does not exist"))?
             }
             -1 => 1,
             dim => {
@@ -99,7 +106,7 @@ fn infer_flatten(site: &Site<'_>) -> Result<Vec<Fact>> {
     let axis = site.int("axis", 1);
     let at = if axis < 0 { axis + rank } else { axis };
     let at = usize::try_from(at).ok().filter(|&at| at <= fact.shape.len());
-    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is none of {rank}")))?;
+    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))?;
     let (rows, columns) = fact.shape.split_at(at);
     Ok(vec![Fact::new(fact.element, vec![rows.iter().product(), columns.iter().product()])])
 }
@@ -120,7 +127,8 @@ fn infer_squeeze(site: &Site<'_>) -> Result<Vec<Fact>> {
 fn infer_unsqueeze(site: &Site<'_>) -> Result<Vec<Fact>> {
     let fact = site.fact(0)?;
     let list = site.ints_at(1, "axes")?.unwrap_or_default();
-    let added = axes(&list, fact.shape.len() + list.len())?;
+    let mut added = axes(&list, fact.shape.len() + list.len())?;
+    added.sort_unstable();
     let mut shape = fact.shape.clone();
     added.into_iter().for_each(|axis| shape.insert(axis, 1));
     Ok(vec![Fact::new(fact.element, shape)])

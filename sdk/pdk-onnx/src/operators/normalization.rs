@@ -2,6 +2,7 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::conv;
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
 use crate::site::{Site, axis};
@@ -18,7 +19,7 @@ pub const OPERATORS: &[Operator] = &[
 fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
     if shape.len() < 2 || site.shape(1)? != [shape[1]] {
-        return Err(Error::new("it has not one factor for each channel"));
+        return Err(Error::new("it does not have one factor for each channel"));
     }
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
 }
@@ -46,13 +47,43 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
         return Err(Error::new("it is set to training; export the model for inference"));
     }
     if site.int("spatial", 1) == 0 {
-        return Err(Error::new("it has factors for each pixel, which no version since has"));
+        return Err(Error::new(
+            "it has factors for each pixel, which later versions of this operator do not have",
+        ));
     }
     let variance = b.offset(site.input(4)?, epsilon(site))?;
     let deviation = b.unary("Sqrt", &variance)?;
     let slope = b.binary("Div", site.input(1)?, &deviation)?;
-    let slope = b.reshape(&slope, &by_channel(site)?)?;
-    Ok(vec![(0, b.mul(g, &slope)?)])
+    let by_channel = by_channel(site)?;
+    let slope_by_channel = b.reshape(&slope, &by_channel)?;
+    let mut parts = Vec::new();
+    if b.wants(site, 0) {
+        parts.push((0, b.mul(g, &slope_by_channel)?));
+    }
+    if b.wants(site, 2) {
+        parts.push((2, conv::of_bias(b, g)?));
+    }
+    if b.wants(site, 3) {
+        let sum = conv::of_bias(b, g)?;
+        let product = b.mul(&sum, &slope)?;
+        parts.push((3, b.unary("Neg", &product)?));
+    }
+    if b.wants(site, 1) || b.wants(site, 4) {
+        // The sum of the gradient times the values with mean 0.
+        let mean = b.reshape(site.input(3)?, &by_channel)?;
+        let centred = b.binary("Sub", site.input(0)?, &mean)?;
+        let product = b.mul(g, &centred)?;
+        let sum = conv::of_bias(b, &product)?;
+        if b.wants(site, 1) {
+            parts.push((1, b.binary("Div", &sum, &deviation)?));
+        }
+        if b.wants(site, 4) {
+            let product = b.mul(&sum, &slope)?;
+            let product = b.binary("Div", &product, &variance)?;
+            parts.push((4, b.scale(&product, -0.5)?));
+        }
+    }
+    Ok(parts)
 }
 
 /// The first of the axes that are normalised together.
@@ -69,22 +100,25 @@ fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![fact.clone(), moments.clone(), moments])
 }
 
-/// The values with mean 0 and variance 1 over blocks of this many.
-fn standardize(x: &Tensor, block: usize, epsilon: f64) -> Tensor {
+/// The values with mean 0 and variance 1 over blocks of this many, and mean and inverse deviation of each block before.
+fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
     let mut result = x.clone();
+    let mut moments = [Vec::new(), Vec::new()];
     for block in result.values.chunks_mut(block.max(1)) {
         let mean = block.iter().sum::<f64>() / block.len() as f64;
         let variance = block.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / block.len() as f64;
         let deviation = libm::sqrt(variance + epsilon);
         block.iter_mut().for_each(|x| *x = (*x - mean) / deviation);
+        moments[0].push(mean);
+        moments[1].push(1.0 / deviation);
     }
-    result
+    (result, moments)
 }
 
 fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let x = given(inputs, 0)?;
     let block = x.shape[first_axis(site)?..].iter().product();
-    let mut result = standardize(x, block, epsilon(site));
+    let (mut result, moments) = standardize(x, block, epsilon(site));
     let (scale, bias) = (given(inputs, 1)?, inputs.get(2).copied().flatten());
     let mut place = 0;
     for_each_position(&x.shape, |at| {
@@ -92,14 +126,16 @@ fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
         *value = *value * scale.broadcast_at(at) + bias.map_or(0.0, |bias| bias.broadcast_at(at));
         place += 1;
     });
-    Ok(vec![result])
+    let shape = infer_layer(site)?.swap_remove(1).shape;
+    let moments = moments.map(|values| Tensor { element: x.element, shape: shape.clone(), values });
+    Ok(std::iter::once(result).chain(moments).collect())
 }
 
 fn evaluate_instance(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     by_channel(site)?;
     let [x, scale, bias] = [given(inputs, 0)?, given(inputs, 1)?, given(inputs, 2)?];
     let block: usize = x.shape[2..].iter().product();
-    let mut result = standardize(x, block, epsilon(site));
+    let (mut result, _) = standardize(x, block, epsilon(site));
     for (plane, values) in result.values.chunks_mut(block.max(1)).enumerate() {
         let channel = plane % x.shape[1];
         values.iter_mut().for_each(|value| *value = *value * scale.values[channel] + bias.values[channel]);
@@ -107,36 +143,64 @@ fn evaluate_instance(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<
     Ok(vec![result])
 }
 
-/// The gradient of the values before they got mean 0 and variance 1 over some axes, from the gradient behind that:
-/// with y the standardised values it is (g - mean(g) - y mean(g y)) / deviation.
-fn destandardize(b: &mut Builder, x: &str, axes: &[usize], epsilon: f64, g: &str) -> Result<String> {
+/// The values with mean 0 and variance 1 over some axes, and their deviation before.
+fn standardized(b: &mut Builder, x: &str, axes: &[usize], epsilon: f64) -> Result<[String; 2]> {
     let mean = b.mean(x, axes)?;
     let centred = b.binary("Sub", x, &mean)?;
     let square = b.mul(&centred, &centred)?;
     let variance = b.mean(&square, axes)?;
     let variance = b.offset(&variance, epsilon)?;
     let deviation = b.unary("Sqrt", &variance)?;
-    let y = b.binary("Div", &centred, &deviation)?;
+    Ok([b.binary("Div", &centred, &deviation)?, deviation])
+}
+
+/// The gradients of an operator that takes values to mean 0 and variance 1 over some axes, multiplies them by a factor and adds a term, both in
+/// the shape `broadcast`. With y the standardised values and g the gradient times the factor, that of the values
+/// is (g - mean(g) - y mean(g y)) / deviation.
+fn gradient_standardized(
+    site: &Site<'_>,
+    b: &mut Builder,
+    axes: &[usize],
+    broadcast: &[usize],
+    g: &str,
+) -> Result<Parts> {
+    let [y, deviation] = standardized(b, site.input(0)?, axes, epsilon(site))?;
+    let mut parts = Vec::new();
+    if b.wants(site, 0) {
+        let scale = b.reshape(site.input(1)?, broadcast)?;
+        let g = b.mul(g, &scale)?;
+        parts.push((0, destandardize(b, [&y, &deviation], axes, &g)?));
+    }
+    if b.wants(site, 1) {
+        let product = b.mul(g, &y)?;
+        let sum = b.sum_to(&product, broadcast)?;
+        parts.push((1, b.reshape(&sum, site.shape(1)?)?));
+    }
+    if b.wants(site, 2) {
+        let sum = b.sum_to(g, broadcast)?;
+        parts.push((2, b.reshape(&sum, site.shape(2)?)?));
+    }
+    Ok(parts)
+}
+
+fn destandardize(b: &mut Builder, [y, deviation]: [&str; 2], axes: &[usize], g: &str) -> Result<String> {
     let g_mean = b.mean(g, axes)?;
-    let product = b.mul(g, &y)?;
+    let product = b.mul(g, y)?;
     let product = b.mean(&product, axes)?;
-    let along = b.mul(&y, &product)?;
+    let along = b.mul(y, &product)?;
     let rest = b.binary("Sub", g, &g_mean)?;
     let rest = b.binary("Sub", &rest, &along)?;
-    b.binary("Div", &rest, &deviation)
+    b.binary("Div", &rest, deviation)
 }
 
 fn gradient_layer(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let axes: Vec<_> = (first_axis(site)?..site.shape(0)?.len()).collect();
-    let g = b.mul(g, site.input(1)?)?;
-    Ok(vec![(0, destandardize(b, site.input(0)?, &axes, epsilon(site), &g)?)])
+    gradient_standardized(site, b, &axes, site.shape(1)?, g)
 }
 
 fn gradient_instance(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let axes: Vec<_> = (2..site.shape(0)?.len()).collect();
-    let scale = b.reshape(site.input(1)?, &by_channel(site)?)?;
-    let g = b.mul(g, &scale)?;
-    Ok(vec![(0, destandardize(b, site.input(0)?, &axes, epsilon(site), &g)?)])
+    gradient_standardized(site, b, &axes, &by_channel(site)?, g)
 }
 
 #[cfg(test)]

@@ -87,7 +87,18 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::testing::{Sketch, check};
+
+    #[test]
+    fn pads_belong_to_the_axes_in_the_order_that_names_them() {
+        let mut s = Sketch::new(18);
+        s.input("x", &[1, 1, 2, 4]);
+        let (pads, axes) = (s.ints(&[1, 0, 1, 3]), s.ints(&[3, 2]));
+        s.node("Pad", &["x", &pads, "", &axes], "y", &[]);
+        let graph = Graph::new(s.model(&["y"])).unwrap();
+        assert_eq!(graph.fact("y").unwrap().shape, [1, 1, 5, 6]);
+    }
 
     #[test]
     fn gradients_are_right_in_each_mode() {

@@ -48,7 +48,7 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
             (None, None) => (1.0, length),
         };
         if !(scale > 0.0 && (1.0..=1e9).contains(&size)) {
-            return Err(Error::new(format!("it brings an axis of {length} to {size}")));
+            return Err(Error::new(format!("it resizes an axis of {length} to {size}")));
         }
         all[axis] = (scale, size as usize);
     }
@@ -174,7 +174,20 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{Setting, Sketch, check};
+
+    #[test]
+    fn scales_belong_to_the_axes_in_the_order_that_names_them() {
+        let mut s = Sketch::new(18);
+        s.input("x", &[1, 1, 2, 4]);
+        let scales =
+            s.weights("scales", Tensor { element: Element::FLOAT, shape: vec![2], values: vec![2.0, 3.0] });
+        s.node("Resize", &["x", "", &scales], "y", &[("axes", Setting::Ints(&[3, 2]))]);
+        let graph = Graph::new(s.model(&["y"])).unwrap();
+        assert_eq!(graph.fact("y").unwrap().shape, [1, 1, 6, 8]);
+    }
 
     #[test]
     fn gradients_are_right_for_every_kind_of_interpolation() {

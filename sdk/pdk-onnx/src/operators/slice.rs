@@ -19,7 +19,7 @@ pub fn kept(site: &Site<'_>) -> Result<Vec<(usize, Vec<usize>)>> {
     let axes = site.ints_at(3, "axes")?.unwrap_or_else(|| (0..starts.len() as i64).collect());
     let steps = site.ints_at(4, "steps")?.unwrap_or_else(|| vec![1; starts.len()]);
     if [ends.len(), axes.len(), steps.len()] != [starts.len(); 3] {
-        return Err(Error::new("its starts, ends, axes and steps are not as many"));
+        return Err(Error::new("its starts, ends, axes and steps differ in number"));
     }
     let mut kept = Vec::new();
     for (place, &each) in axes.iter().enumerate() {

@@ -3,6 +3,8 @@
 mod cases;
 #[cfg(test)]
 mod networks;
+#[cfg(test)]
+mod official;
 mod random;
 #[cfg(test)]
 mod refusals;
@@ -19,7 +21,7 @@ use crate::graph::Graph;
 use crate::tensor::Tensor;
 
 /// Versions of the operator set at which something changed.
-pub const OPSETS: [i64; 11] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21];
+pub const OPSETS: [i64; 12] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21, 22];
 
 /// Numbers that look random and are always the same, from -1 to 1.
 pub fn numbers(seed: u64, count: usize) -> Vec<f64> {
@@ -95,6 +97,50 @@ pub(crate) fn check(name: &str) {
         assert!(differences.iter().any(|&value| value != 0.0), "{place}: the gradient is zero");
         let error = relative_error(&exact, &differences);
         assert!(error < 1e-6, "{place}: relative error {error:e}\n{exact:?}\n{differences:?}");
+        check_weights(&graph, ("x", &x), &place);
+    }
+}
+
+/// Cases with weights that have no gradient: sizes, bounds, and what is only compared with.
+#[cfg(test)]
+const WITHOUT: &[&str] = &["resize", "upsample", "clip", "where"];
+
+/// Checks the gradients with respect to all weights by central differences.
+#[cfg(test)]
+fn check_weights(graph: &Graph, x: (&str, &Tensor), place: &str) {
+    const STEP: f64 = 1e-6;
+    let nodes = graph.nodes().iter().flat_map(|node| &node.input).map(String::as_str);
+    let is_weight = |name: &&str| {
+        matches!(graph.source(name), Some(crate::values::Source::Initializer(_)))
+            && graph.fact(name).is_ok_and(|fact| fact.element.is_float() && !fact.shape.contains(&0))
+    };
+    let mut weights: Vec<_> = nodes.filter(is_weight).collect();
+    weights.sort_unstable();
+    weights.dedup();
+    let target = Target { value: "target", index: 0 };
+    for name in weights {
+        let Ok(built) = gradients(graph, target, &[name], &[]) else {
+            assert!(WITHOUT.iter().any(|case| place.starts_with(case)), "{place}: no gradient of `{name}`");
+            continue;
+        };
+        let weight = graph.constant(name).unwrap().unwrap();
+        let derived = Graph::new(built.model).unwrap();
+        let exact = derived.evaluate(&[x], &[&built.outputs[0]]).unwrap().swap_remove(0);
+        assert_eq!(exact.shape, weight.shape, "{place}: `{name}`");
+        let value = |place: usize, step: f64| {
+            let mut moved = (*weight).clone();
+            moved.values[place] += step;
+            graph.evaluate(&[x, (name, &moved)], &["target"]).unwrap()[0].values[0]
+        };
+        let differences: Vec<_> = (0..weight.values.len())
+            .map(|place| (value(place, STEP) - value(place, -STEP)) / (2.0 * STEP))
+            .collect();
+        // A power of a negative number has a gradient of its base alone.
+        if differences.iter().any(|difference| difference.is_nan()) {
+            continue;
+        }
+        let error = relative_error(&exact.values, &differences);
+        assert!(error < 1e-6, "{place}: `{name}`: relative error {error:e}\n{exact:?}\n{differences:?}");
     }
 }
 

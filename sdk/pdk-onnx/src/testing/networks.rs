@@ -1,4 +1,4 @@
-//! Gradients of whole networks: those that come with pdk, and a real one where it is at hand.
+//! Gradients of whole networks: those that come with pdk, and a real one if it is at hand.
 
 use std::path::{Path, PathBuf};
 

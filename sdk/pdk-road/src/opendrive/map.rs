@@ -49,7 +49,7 @@ pub struct Cubic {
     pub coefficients: [f64; 4],
 }
 
-/// What a road leads to.
+/// The road or junction at the end of a road.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Neighbour {
     /// Another road, at its beginning (0) or its end (1).

@@ -4,7 +4,7 @@
 //! the host turns what it finds there back into the traits of the SDK ([`host`]). Frames cross as pointer, length, width,
 //! height and stride; parameters and descriptions cross as JSON; nothing is converted or allocated per frame.
 
-mod convert;
+pub(crate) mod convert;
 pub mod host;
 pub mod plugin;
 

@@ -11,8 +11,8 @@
 //! | `--polls` | `3` or `4`: begins with HTTP long polling, in this version of Engine.IO (`udacity`) |
 //! | `--numbers` | `german`: numbers have decimal commas |
 //! | `--fault` | `NAME` or `NAME:SECONDS`: what goes wrong |
-//! | `--at` | after how many controls of a drive; 20 where it is not said |
-//! | `--times` | how often; once where it is not said |
+//! | `--at` | after how many controls of a drive; 20 if it is not said |
+//! | `--times` | how often; once if it is not said |
 //!
 //! | fault | what happens |
 //! |---|---|

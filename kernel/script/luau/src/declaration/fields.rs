@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 
 use crate::api::ApiRecord;
 use crate::failure::type_of;
-use pdk_components::suggest;
+use pdk_sdk::suggest;
 
 /// Typed access to the fields of a table.
 pub(super) struct Fields<'a> {
@@ -68,7 +68,7 @@ impl Fields<'_> {
             .ok_or_else(|| Error::new(format!("`{name}` of {} has to be one line of text", self.of)))
     }
 
-    /// A text of one line, or an empty one where it is left out.
+    /// A text of one line, or an empty one if it is left out.
     pub(super) fn optional_line(&self, name: &str) -> Result<String> {
         if self.get(name)?.is_nil() { Ok(String::new()) } else { self.line(name) }
     }

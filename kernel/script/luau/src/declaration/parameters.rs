@@ -78,7 +78,7 @@ fn parameter(table: &Table, place: &str) -> Result<Parameter> {
     }
     if options.is_some() != (kind == "choice") {
         return Err(Error::new(format!(
-            "{place} needs `options` where its `type` is \"choice\", and only there"
+            "{place} needs `options` if its `type` is \"choice\", and only then"
         )));
     }
     let needs_default = |expected: &str| fields.wrong("default", expected, &default);

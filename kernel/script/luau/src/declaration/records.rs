@@ -9,7 +9,8 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 /// The table that a script returns.
 pub const PERTURBATION: ApiRecord = ApiRecord {
     name: "Perturbation",
-    doc: "What the file of a perturbation returns, or that of a mask, which has `mask` in place of `apply`.",
+    doc: "What the file of a perturbation returns, or that of a mask, which has `mask` in place of `apply`. A perturbation that acts on what \
+          the driver gets besides the frame has `observe`, and one that acts on controls `actuate`.",
     fields: &[
         field("doc", "string", "One line that says what it does, without a full stop."),
         field(
@@ -17,6 +18,16 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
             "((image: Image, cx: Context) -> ())?",
             "Changes `image`, a copy of the camera's frame, in place. The result has to depend on the image and \
                   on `cx` alone, so that any frame can be computed again on its own, or from as many frames before it as `history` says.",
+        ),
+        field(
+            "observe",
+            "((told: Observation, cx: Context) -> ())?",
+            "Changes in place what the driver gets besides the frame. It has an effect in drives alone.",
+        ),
+        field(
+            "actuate",
+            "((control: Control, cx: Context) -> ())?",
+            "Changes in place the control that is applied to the vehicle from this frame to the next. It has an effect in drives alone.",
         ),
         field(
             "mask",
@@ -98,7 +109,7 @@ pub const PARAMETER: ApiRecord = ApiRecord {
         field("name", "string", "Its name, under which `cx` has its value."),
         field("doc", "string", "One line that says what it is."),
         field("levels", "{ number }?", "The values at the intensities 0, 1, 2, 3 and 4."),
-        field("default", "(number | boolean | string)?", "The value where the user sets none."),
+        field("default", "(number | boolean | string)?", "The value if the user sets none."),
         field(
             "type",
             "(\"number\" | \"integer\" | \"boolean\" | \"choice\" | \"text\")?",
@@ -125,6 +136,11 @@ pub const CONTEXT: ApiRecord = ApiRecord {
             "The frames before this one, the latest first: as many as `history` of the perturbation says, fewer at the beginning of a sequence, \
                   and none for a picture that stands alone.",
         ),
+        field(
+            "period",
+            "number?",
+            "How long a frame lasts at the camera's rate, in seconds. It is known in drives.",
+        ),
         field("frame_random", "Random", "Random numbers that are drawn anew for every frame."),
         field("sequence_random", "Random", "Random numbers that are the same for all frames of a sequence."),
         field("[string]", "any", "The parameters, each under its name."),
@@ -134,10 +150,36 @@ pub const CONTEXT: ApiRecord = ApiRecord {
 /// An entry of `cx.history`.
 pub const EARLIER: ApiRecord = ApiRecord {
     name: "Earlier",
-    doc: "A frame before the one at hand, as the perturbation was given it.",
+    doc: "A frame before the one at hand: as the perturbation was given it, or, of one with `observe` or `actuate`, what passed at it.",
     fields: &[
         field("image", "Image", "Its pixels: a copy, as large as the frame at hand."),
+        field("given", "any", "The table that the perturbation was given: a `Control` or an `Observation`."),
+        field("passed", "any", "The same as the perturbation passed it on."),
         field("frame_index", "number", "The number of the frame in its sequence."),
         field("time", "number", "Its simulation time in seconds."),
+    ],
+};
+
+/// What `actuate` is given.
+pub const CONTROL: ApiRecord = ApiRecord {
+    name: "Control",
+    doc: "What the driver decided at a frame.",
+    fields: &[
+        field("steering", "number", "-1 (full left) to 1 (full right)."),
+        field("throttle", "number", "-1 (full brake) to 1 (full throttle)."),
+    ],
+};
+
+/// What `observe` is given.
+pub const OBSERVATION: ApiRecord = ApiRecord {
+    name: "Observation",
+    doc: "What the driver gets besides the frame.",
+    fields: &[
+        field("time", "number", "Seconds since the start of the drive."),
+        field(
+            "speed",
+            "number",
+            "The vehicle's speed in metres per second; not a number if it is not known.",
+        ),
     ],
 };

@@ -304,7 +304,7 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// A number, where it is given.
+    /// A number, if it is given.
     pub fn given(&self, name: &str) -> Option<f64> {
         match &self.given[self.place(name)] {
             Given::Nothing => None,
@@ -331,7 +331,7 @@ impl<'a> Arguments<'a> {
         ["red", "green", "blue"].map(|name| self.number(name) as u8)
     }
 
-    /// The place of a choice; 0, that of the default, where it is left out.
+    /// The place of a choice; 0, that of the default, if it is left out.
     pub fn choice(&self, name: &str) -> usize {
         self.given(name).unwrap_or_default() as usize
     }

@@ -99,7 +99,7 @@ pub const OPERATIONS: &[Operation] = &[
     },
     Operation {
         name: "sharpen",
-        doc: "Adds so much of the 3x3 Laplacian (eight neighbours): the image and `amount` of its difference from them.",
+        doc: "Sharpens with the 3x3 Laplacian (eight neighbours): adds to each pixel `amount` times its difference from its neighbours.",
         arguments: &[Argument::number("amount", 0.0, 1.0, "0 leaves the image as it is")],
         work: Work::Change(|src, dst, arguments, workspaces| {
             // The kernel sums to 1 and so keeps the brightness.

@@ -22,7 +22,7 @@ pub const OPERATIONS: &[Operation] = &[
     },
     Operation {
         name: "blank",
-        doc: "A new black image, as large as this one where no size is given.",
+        doc: "A new black image, as large as this one if no size is given.",
         arguments: &[WIDTH.optional(), HEIGHT.optional()],
         // New images are black.
         work: Work::Make(|_, _, _, _| {}),

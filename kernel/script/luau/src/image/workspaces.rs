@@ -67,7 +67,7 @@ impl Workspaces {
         work(&mut workspaces)
     }
 
-    /// A mask as large as `image`, stretched where it is smaller or larger, and a row of pixels.
+    /// A mask as large as `image`, stretched if it is smaller or larger, and a row of pixels.
     pub fn mask_for<'a>(&'a mut self, image: Frame<'_>, mask: Frame<'a>) -> (Frame<'a>, &'a mut Vec<u8>) {
         if image.same_size(&mask) {
             return (mask, &mut self.row);

@@ -119,7 +119,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ),
         (
             "return { doc = 'x', apply = print, speed = 1 }",
-            "the perturbation has an unknown field `speed`; there are doc, apply, mask, name, family, source, mathematics, \
+            "the perturbation has an unknown field `speed`; there are doc, apply, observe, actuate, mask, name, family, source, mathematics, \
              draws_per_sequence, draws_per_frame, history, divergence, grows_with, version, temporal, default, geometry, move_point, source_point, parameters",
         ),
         (
@@ -285,7 +285,7 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
     for (source, expected) in [
         (
             "return cx.strenght",
-            "cx has no field `strenght`; there are intensity, frame_index, time, history, frame_random, sequence_random",
+            "cx has no field `strenght`; there are intensity, frame_index, time, history, period, frame_random, sequence_random",
         ),
         ("return cx.intensty", "cx has no field `intensty`; did you mean `intensity`?"),
         (

@@ -159,7 +159,7 @@ fn an_instance_that_calls_a_function_of_pipelines_gets_an_error() {
     let cx = pdk_sdk::perturbation::Context::new(1.0, 0, 0.0, &key);
     let error = made.apply(src.as_ref(), dst.as_mut(), &cx).unwrap_err().to_string();
     assert!(
-        error.ends_with("foo.lua:1: pdk.drive is there in pipelines only, which `pdk run` runs"),
+        error.ends_with("foo.lua:1: pdk.drive is available only in pipelines, which `pdk run` runs"),
         "{error}"
     );
 }

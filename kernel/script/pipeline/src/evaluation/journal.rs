@@ -17,7 +17,7 @@ struct Line {
     frames: Vec<EvaluatedFrame>,
 }
 
-/// The file, with what an earlier process left in it.
+/// The file, and the lines of an earlier process in it.
 pub struct Journal {
     path: PathBuf,
     /// Open from the first line on.

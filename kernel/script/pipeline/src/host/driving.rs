@@ -147,7 +147,7 @@ impl Host {
         let made = self.try_to_make(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
             Error::new(format!(
-                "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
+                "the simulator `{}` did not describe its camera, so a level cannot be a function of time",
                 simulator.name
             ))
         })

@@ -23,6 +23,6 @@ pub(crate) struct BegunSearch {
     pub slots: usize,
     /// Whether the strategy learns nothing.
     pub baseline: bool,
-    /// The session of the strategy, where it is a component.
+    /// The session of the strategy, if it is a component.
     pub session: Option<Session>,
 }

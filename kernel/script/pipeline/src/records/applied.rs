@@ -45,6 +45,17 @@ pub(super) const REGION: ApiRecord = ApiRecord {
     ],
 };
 
+pub(super) const DURING: ApiRecord = ApiRecord {
+    name: "During",
+    doc: "A part of a drive: a span of time and a box in its frames. What is left out is not limited.",
+    fields: &[
+        field("from", "number?", "When it begins, in seconds."),
+        field("to", "number?", "When it is over, in seconds; a frame at that time is not in it."),
+        field("box", "{ number }?", "Left, top, right, bottom, as shares of the width and height."),
+        field("except", "During?", "What of it is not perturbed."),
+    ],
+};
+
 pub(super) const SELECTION: ApiRecord = ApiRecord {
     name: "Selection",
     doc: "Pixels that are chosen: by one of the first fields (`nearer` and `farther` go together), and how they are taken.",

@@ -37,7 +37,7 @@ pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
             "over_line",
             "number?",
             "The absolute cross-track error in metres at which a wheel is over the line, which is measured and ends nothing. 1.1 \
-             where it is left out: a vehicle 1.8 m wide in a lane of 4 m.",
+             if it is left out: a vehicle 1.8 m wide in a lane of 4 m.",
         ),
     ],
 };
@@ -66,7 +66,7 @@ const OF_REQUEST: [ApiField; SHARED.len()] = picked(&OF_SCENARIO, SHARED);
 
 pub(crate) const SESSION_REQUEST: ApiRecord = ApiRecord {
     name: "SessionRequest",
-    doc: "What `pdk.session` takes: what scenarios have if they do not say it themselves.",
+    doc: "What `pdk.session` takes: defaults for scenarios.",
     fields: &OF_REQUEST,
 };
 
@@ -74,14 +74,18 @@ const DRIVE_FIELDS: &[&[ApiField]] = &[&[field("scenarios", "{ Scenario }", "Wha
 
 pub(super) const DRIVE_REQUEST: ApiRecord = ApiRecord {
     name: "DriveRequest",
-    doc: "What `pdk.drive` takes: scenarios, and what they have if they do not say it themselves.",
+    doc: "What `pdk.drive` takes: scenarios, and defaults for them.",
     fields: &joined::<{ count(DRIVE_FIELDS) }>(DRIVE_FIELDS),
 };
 
 /// What scripts know about an outcome besides its own fields.
 const SUBMITTED: &[ApiField] = &[
     field("number", "number", "The number of the scenario in its run, from 0."),
-    field("id", "string", "What tells the scenario from every other; the same one has it in every run."),
+    field(
+        "id",
+        "string",
+        "Identifies the scenario: it is the same in every run, and no other scenario has it.",
+    ),
     field("name", "string", "The name of the scenario."),
 ];
 
@@ -106,6 +110,6 @@ pub(super) const OUTCOME: ApiRecord = ApiRecord {
 
 pub(super) const MEASURES: ApiRecord = ApiRecord {
     name: "Measures",
-    doc: "What is measured of a drive besides its end.",
+    doc: "The measures of a drive besides how it ended.",
     fields: Measures::FIELDS,
 };

@@ -258,11 +258,11 @@ pub(super) const TASK_RESULT: ApiRecord = ApiRecord {
         field("task", "string", "The metric."),
         field("frames", "number", "Pictures that were evaluated."),
         field("bad_frames", "{ { frame: string, error: string } }", "Pictures that were left out, and why."),
-        field("original", "{ TaskTotal }", "What the metric says of the pictures as they are."),
+        field("original", "{ TaskTotal }", "The metric on the pictures as they are."),
         field(
             "rows",
             "{ { perturbation: string, label: string, level: number, totals: { TaskTotal } } }",
-            "What it says under each perturbation at each level.",
+            "The metric under each perturbation at each level.",
         ),
         field(
             "corruption_errors",

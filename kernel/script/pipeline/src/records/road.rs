@@ -32,7 +32,7 @@ pub const ROAD_REQUEST: ApiRecord = ApiRecord {
         field(
             "smallest_radius",
             "number?",
-            "Metres; a road with a tighter bend is not valid. If it is left out, 8.5, which a car can drive.",
+            "Metres; a road with a tighter bend is not valid. The default is 8.5, which a car can drive.",
         ),
         field("attempts", "number?", "How many roads are drawn until one is valid. The default is 1."),
     ],

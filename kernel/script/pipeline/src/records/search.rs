@@ -15,7 +15,7 @@ pub(super) const SEARCH_RANGE: ApiRecord = ApiRecord {
             "{ any }?",
             "A list in which neighbours are alike, such as perturbations ranked by their effect.",
         ),
-        field("choice", "{ any }?", "A list in whose order nothing lies."),
+        field("choice", "{ any }?", "A list whose order has no meaning."),
     ],
 };
 
@@ -63,7 +63,7 @@ pub(super) const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
         field(
             "violations",
             "{ number }?",
-            "By how much each constraint is violated that only the drive shows; 0 or less if it holds.",
+            "For each constraint that only the drive shows, by how much it is violated; 0 or less if it holds.",
         ),
     ],
 };
@@ -93,7 +93,7 @@ pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
         field(
             "outcome",
             "((outcome: Outcome, values: { [string]: any }) -> SearchJudgement)?",
-            "Judges the outcome of a scenario. Not called where a component failed.",
+            "Judges the outcome of a scenario. Not called if a component failed.",
         ),
         field(
             "stop",

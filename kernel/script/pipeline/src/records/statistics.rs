@@ -16,7 +16,7 @@ pub(super) const ESTIMATE: ApiRecord = ApiRecord {
 
 pub(super) const PAIRED: ApiRecord = ApiRecord {
     name: "Paired",
-    doc: "What two conditions on the same roads differ by.",
+    doc: "The difference between two conditions on the same roads.",
     fields: &[
         field("difference", "Estimate", "The mean over roads of the first minus the second."),
         field(
@@ -37,7 +37,7 @@ pub(super) const PAIRED: ApiRecord = ApiRecord {
 
 pub(super) const INDEPENDENT: ApiRecord = ApiRecord {
     name: "Independent",
-    doc: "What two samples differ by that have nothing to do with each other.",
+    doc: "The difference between two independent samples.",
     fields: &[
         field(
             "effect_size",
@@ -66,7 +66,7 @@ pub(super) const FAILING_LEVEL: ApiRecord = ApiRecord {
         field(
             "level",
             "number?",
-            "The level: the lowest that was driven where it is reached there already, nothing if it is not reached up to the \
+            "The level: the lowest that was driven if it is reached there already, nothing if it is not reached up to the \
              highest.",
         ),
         field(

@@ -169,7 +169,7 @@ impl Search {
         Ok(any)
     }
 
-    /// Takes in a candidate, and begins to evaluate it where it is new.
+    /// Takes in a candidate, and begins to evaluate it if it is new.
     fn take(&mut self, lua: &Lua, candidate: Candidate) -> mlua::Result<()> {
         let values = candidate.values.clone();
         let Admitted::New = self.trials.admit(candidate).map_err(ExternalError::into_lua_err)? else {
@@ -208,7 +208,7 @@ impl Search {
         }
     }
 
-    /// What functions say of the constraints: by how much each is violated, or why that cannot be said.
+    /// The constraints that are functions: by how much the candidate violates each, or why that could not be computed.
     fn violations(&self, values: &LuaValue) -> mlua::Result<Result<Vec<f64>, String>> {
         let mut violations = Vec::with_capacity(self.request.constraints.len());
         for constraint in &self.request.constraints {

@@ -9,7 +9,7 @@
 //! | [`request`] | what the pipeline writes |
 //! | [`strategy`] | the strategy: a component in a process of its own, or a table of functions |
 //! | [`verdict`] | what became of a candidate, read from what functions return and from outcomes |
-//! | [`trials`] | the candidates so far: which are new, which wait, what is to be told |
+//! | [`trials`] | the candidates so far: which are new, which wait, which the strategy has yet to hear of |
 //! | [`conduct`] | the search from its start to its end |
 //! | [`results`] | what a search found, as a value and as a table |
 

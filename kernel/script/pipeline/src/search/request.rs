@@ -38,9 +38,9 @@ pub struct Request {
     pub outcome: Option<Function>,
     /// When to stop.
     pub stop: Stop,
-    /// The seed of the search; that of the run where it is left out.
+    /// The seed of the search; that of the run if it is left out.
     pub seed: Option<u64>,
-    /// What scenarios have where they do not say it themselves.
+    /// The defaults of scenarios.
     pub defaults: Defaults,
     /// The same as the pipeline wrote it, for levels over time.
     pub written: BTreeMap<&'static str, LuaValue>,

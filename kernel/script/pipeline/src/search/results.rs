@@ -13,7 +13,7 @@ use crate::search::trials::{State, Trials};
 
 /// Points on curves over the evaluations.
 const CHECKPOINTS: usize = 40;
-/// Two failures are distinct where they are farther apart than this, in shares of the ranges: see [`Space::distance`].
+/// Two failures are distinct if they are farther apart than this, in shares of the ranges: see [`Space::distance`].
 const DISTINCT: f64 = 0.1;
 /// When the tree of critical regions is split: as published, but for searches in which little is critical.
 const LIMITS: Limits = Limits { split_share: 0.02, decrease: 0.01, balanced: true, ..PUBLISHED };

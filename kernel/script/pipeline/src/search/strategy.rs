@@ -14,7 +14,7 @@ use crate::bridge::with_host;
 use crate::search::request::PLACE;
 use crate::values::{from_lua, to_lua};
 
-/// Candidates that a table of functions is asked for at once, where it does not say how many.
+/// Candidates that a table of functions is asked for at once, if it does not say how many.
 const BATCH: usize = 16;
 /// The most that it may say.
 const MOST: u64 = 100_000;
@@ -35,7 +35,7 @@ pub enum Strategy {
     Functions {
         /// `ask`.
         ask: Function,
-        /// `tell`, where there is one.
+        /// `tell`, if there is one.
         tell: Option<Function>,
         /// How many candidates it is asked for at once.
         batch: usize,

@@ -1,4 +1,4 @@
-//! The candidates of a search so far: which are new, which wait for their results, and what is to be told.
+//! The candidates of a search so far: which are new, which wait for their results, and which the strategy has yet to hear of.
 
 use std::collections::HashMap;
 

@@ -27,7 +27,7 @@ impl Verdict {
         Self { failure: Some(reason.into()), ..Self::default() }
     }
 
-    /// What `evaluate` or `outcome` returned. What it leaves out is taken from the outcome of the scenario, where there is one.
+    /// What `evaluate` or `outcome` returned. What it leaves out is taken from the outcome of the scenario, if there is one.
     ///
     /// # Errors
     /// If it is not such a table, or an objective is missing.

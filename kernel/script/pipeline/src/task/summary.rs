@@ -20,7 +20,7 @@ pub struct TaskSummary {
     pub frames: usize,
     /// Pictures that could not be read or predicted, with the reason.
     pub bad_frames: Vec<BadFrame>,
-    /// What the metric says of the pictures as they are.
+    /// The metric on the pictures as they are.
     pub original: Vec<Total>,
     /// One row for each perturbation and level.
     pub rows: Vec<TaskRow>,
@@ -29,7 +29,7 @@ pub struct TaskSummary {
     pub corruption_errors: Option<CorruptionErrors>,
 }
 
-/// What the metric says of the pictures under one perturbation at one level.
+/// The metric on the pictures under one perturbation at one level.
 #[derive(Debug, Serialize)]
 pub struct TaskRow {
     /// The perturbation.

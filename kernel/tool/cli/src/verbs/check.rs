@@ -10,14 +10,13 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use pdk_components::loader::Plugin;
-use pdk_components::suggest;
 use pdk_model::text::parse_value;
 use pdk_notice::println;
 use pdk_pipeline::settings::{Override, refuse_repeated};
-use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::describe::Description;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::suggest;
 use pdk_sdk::testing;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -80,7 +79,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 /// Watches a process that checks the components of the plugin from check number `skipped` on. Returns how many checks
-/// it began where it did not come to its end, and where there may be more.
+/// it began if it did not come to its end, and where there may be more.
 fn observe(
     arguments: &Arguments,
     patience: Duration,
@@ -317,28 +316,8 @@ fn report(report: &Report) {
 }
 
 fn check(plugin: &Plugin, index: usize, description: &Description, config: &Config) -> Result<()> {
-    let wrong_kind = || Error::new("the instance is of another kind than described");
-    /// The factory that the test kit asks for instances of a kind.
-    macro_rules! make {
-        ($kind:ident) => {
-            &mut |config: &Config| match plugin.create(index, config.values())? {
-                Instance::$kind(instance) => Ok(instance),
-                _ => Err(wrong_kind()),
-            }
-        };
-    }
-    match description.kind {
-        Kind::Perturbation => testing::check_perturbation(description, config, make!(Perturbation)),
-        Kind::Simulator => {
-            outside(description, testing::check_simulator(description, config, make!(Simulator)))
-        }
-        Kind::Driver => outside(description, testing::check_driver(config, make!(Driver))),
-        Kind::Saliency => testing::check_saliency(config, make!(Saliency)),
-        Kind::Mask => testing::check_mask(config, make!(Mask)),
-        Kind::Predictor => outside(description, testing::check_predictor(config, make!(Predictor))),
-        Kind::Search => testing::check_search(config, make!(Search)),
-        Kind::Dataset => testing::check_dataset(config, make!(Dataset)),
-    }
+    let mut make = |config: &Config| plugin.create(index, config.values());
+    outside(description, testing::check(description, config, &mut make))
 }
 
 /// A component that needs a program besides pdk cannot be checked without it, which is not a mistake of the plugin.

@@ -21,7 +21,7 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// A folder of pictures with or without labels, a recording, or a dataset reader with its parameters
     dataset: String,
-    /// Perturbations with their levels, or a range of levels (0..4 where none is given), and parameters; each makes a dataset of its own
+    /// Perturbations with their levels, or a range of levels (0..4 if none is given), and parameters; each makes a dataset of its own
     #[arg(
         long = "with",
         value_name = "NAME[@LEVEL[..LEVEL]][,PARAMETER=VALUE]...[,NAME...]",

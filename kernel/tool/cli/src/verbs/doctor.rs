@@ -129,7 +129,7 @@ fn libraries() -> Finding {
     finding("libraries", place)
 }
 
-/// What is good where it is there and bad where it is an error.
+/// What is good if it is there and bad if it is an error.
 fn finding(subject: &'static str, found: Result<String>) -> Finding {
     match found {
         Ok(text) => Finding { subject, state: State::Good, text },
@@ -142,25 +142,10 @@ fn components(registry: &Registry) -> Finding {
         .into_iter()
         .map(|kind| (kind, registry.catalog().of_kind(kind).count()))
         .filter(|(_, count)| *count > 0)
-        .map(|(kind, count)| counted(count, kind))
+        .map(|(kind, count)| kind.counted(count))
         .collect();
     let text = format!("{} from {} plugins", counts.join(", "), registry.plugins().len());
     Finding { subject: "components", state: State::Good, text }
-}
-
-/// A number of components of a kind, such as "6 simulators".
-fn counted(count: usize, kind: Kind) -> String {
-    let (one, several) = match kind {
-        Kind::Perturbation => ("perturbation", "perturbations"),
-        Kind::Simulator => ("simulator", "simulators"),
-        Kind::Driver => ("driver", "drivers"),
-        Kind::Saliency => ("saliency method", "saliency methods"),
-        Kind::Mask => ("mask", "masks"),
-        Kind::Search => ("search strategy", "search strategies"),
-        Kind::Predictor => ("predictor", "predictors"),
-        Kind::Dataset => ("dataset reader", "dataset readers"),
-    };
-    format!("{count} {}", if count == 1 { one } else { several })
 }
 
 /// Only those who write plugins in Rust need it.

@@ -47,8 +47,6 @@ enum Format {
     Junit,
     /// What was driven of an operational design domain, what failed, and what is open: JSON and a page
     Odd,
-    /// A layout for Foxglove and Lichtblick, in which the traces of the record open
-    Foxglove,
 }
 
 /// Reads a run and writes it in the format.
@@ -61,7 +59,6 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         Format::Svg => Kind::Svg,
         Format::Junit => Kind::Junit,
         Format::Odd => Kind::Odd,
-        Format::Foxglove => Kind::Foxglove,
     };
     let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(FOLDER));
     let written = pdk_export::write(&arguments.record, kind, &folder)?;

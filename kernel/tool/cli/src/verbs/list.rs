@@ -48,7 +48,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
                 let mut table = table([kind.name(), "what it does"]);
                 for component in components {
                     let Description { name, doc, preferred, .. } = &component.description;
-                    let used = if *preferred { "; the one that is used if none is named" } else { "" };
+                    let used = if *preferred { "; the default" } else { "" };
                     table.add_row([name.clone(), format!("{doc}{used}")]);
                 }
                 println!("{table}\n");

@@ -29,6 +29,7 @@ mod doctor;
 mod examples;
 mod export;
 mod gate;
+mod gradient;
 mod list;
 mod merge;
 mod network;
@@ -52,6 +53,7 @@ mod tap;
 mod verify;
 mod version;
 mod watch;
+mod why;
 mod worker;
 mod workers;
 
@@ -132,6 +134,8 @@ enum Verb {
     Preview(preview::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
     Saliency(saliency::Arguments),
+    /// Write the exact gradient of a network as a network
+    Gradient(gradient::Arguments),
     /// Write the reference pages of all perturbations
     Reference(reference::Arguments),
     /// List the components there are
@@ -154,6 +158,8 @@ enum Verb {
     Replay(replay::Arguments),
     /// Make a scenario that failed as simple as it can be and still fail
     Shrink(shrink::Arguments),
+    /// Find the smallest part of a failed drive that is proven to make it fail
+    Why(why::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
     /// Decide whether a new driver is worse than an old one, with an error rate that holds whenever the gate stops
@@ -202,11 +208,16 @@ impl Verb {
             Verb::List(_) | Verb::Show(_) => true,
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
-            Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Run(_)
+            | Verb::Replay(_)
+            | Verb::Shrink(_)
+            | Verb::Why(_)
+            | Verb::Check(_)
+            | Verb::Worker(_) => false,
             Verb::Session(_) | Verb::Merge(_) => false,
             Verb::Gate(_) | Verb::Verify(_) | Verb::Suite(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
-            Verb::Road(_) | Verb::Export(_) | Verb::Tap(_) | Verb::Watch(_) => false,
+            Verb::Road(_) | Verb::Export(_) | Verb::Gradient(_) | Verb::Tap(_) | Verb::Watch(_) => false,
             Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
         }
     }
@@ -234,6 +245,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(arguments) => preview::run(global, arguments),
         Verb::Corrupt(arguments) => corrupt::run(global, arguments),
         Verb::Saliency(arguments) => saliency::run(global, arguments),
+        Verb::Gradient(arguments) => gradient::run(global, arguments),
         Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),
         Verb::Show(arguments) => show::run(global, arguments),
@@ -245,6 +257,7 @@ pub fn main() -> ExitCode {
         Verb::Road(arguments) => road::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Shrink(arguments) => shrink::run(global, arguments),
+        Verb::Why(arguments) => why::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Merge(arguments) => merge::run(global, arguments),
         Verb::Tap(arguments) => tap::run(global, arguments),

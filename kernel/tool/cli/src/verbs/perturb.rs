@@ -26,7 +26,7 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// The image, or the video: H.264 in MP4, and with ffmpeg on the PATH others
     image: PathBuf,
-    /// A perturbation with its intensity from 0 to 4 (2 where none is given) and parameters; several are applied one after the
+    /// A perturbation with its intensity from 0 to 4 (2 if none is given) and parameters; several are applied one after the
     /// other
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...", required = true)]
     perturbations: Vec<String>,

@@ -10,12 +10,12 @@ use pdk_components::installation;
 use pdk_components::loader::Plugin;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::{is_script, user_folder};
-use pdk_components::suggest;
 use pdk_lua::perturbation::Source;
 use pdk_notice::println;
 use pdk_record::files::FileRecord;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::suggest;
 use pdk_terminal::table::table;
 use serde_json::{Value, json};
 

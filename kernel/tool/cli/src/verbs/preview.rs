@@ -21,7 +21,7 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// The image
     image: PathBuf,
-    /// Only this perturbation, at this level alone where it has one; may be given several times [default: the default set and your clips]
+    /// Only this perturbation, at this level alone if it has one; may be given several times [default: the default set and your clips]
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...")]
     perturbations: Vec<String>,
     /// Also the perturbations that are not in the default set
@@ -110,7 +110,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         return Err(error);
     }
     let heading = format!(
-        "{}  -  levels 0 to 4 from left to right where none is named, frame {} x {}, seed {}",
+        "{}  -  levels 0 to 4 from left to right if none is named, frame {} x {}, seed {}",
         arguments.image.file_name().unwrap_or_default().to_string_lossy(),
         source.width(),
         source.height(),

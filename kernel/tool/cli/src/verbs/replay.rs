@@ -65,7 +65,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let mut session = recorded::session(global, &replay, driving)?;
     let changes = replay.changes(&mut session)?;
     for change in &changes {
-        eprintln!("pdk: warning: since the run was recorded, {change}, so the replay may come out otherwise");
+        eprintln!(
+            "pdk: warning: since the run was recorded, {change}, so the replay may come out differently"
+        );
     }
     let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames, {per_sec}, {eta} left");
     let replayed = replay.drive(session, film.as_ref(), &progress)?;

@@ -87,7 +87,7 @@ impl Arguments {
 
 /// Lays over the frames of failures what the driver's network looked at. Drivers that are not networks are left out, and said.
 fn add_attention(registry: &Registry, run: &mut Run, method: &ComponentSpec) -> Result<Vec<String>> {
-    // A method that is not there is a mistake of the user; a driver without a network is none.
+    // An unknown method is the user's mistake. A driver without a network is not.
     registry.catalog().get(Kind::Saliency, &method.name)?;
     let mut left_out = Vec::new();
     for drive in &mut run.drives {

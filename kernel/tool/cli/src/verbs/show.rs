@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use pdk_components::catalog::Entry;
-use pdk_components::suggest;
 use pdk_notice::println;
 use pdk_preview::modifiers;
 use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Geometry, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::suggest;
 use pdk_terminal::text::wrapped;
 use serde_json::json;
 
@@ -71,6 +71,9 @@ fn print(component: &Entry) {
     };
     fact("kind", &kind(description));
     fact("version", &description.version.to_string());
+    if !description.acts_on.is_frame() {
+        fact("acts on", description.acts_on.text());
+    }
     fact("computes", &description.mathematics);
     fact("once", &description.drawn_per_sequence);
     fact("per frame", &description.drawn_per_frame);
@@ -78,8 +81,11 @@ fn print(component: &Entry) {
     if description.history > 0 {
         fact("history", &format!("needs up to {} frames before the one at hand", description.history));
     }
+    if let Some(choice) = &description.depth {
+        fact("depth", &format!("with {choice} it needs a simulator that knows how far away pixels are"));
+    }
     match description.geometry {
-        Geometry::Moved => fact("labels", "moved along, where there are any"),
+        Geometry::Moved => fact("labels", "moved along, if there are any"),
         Geometry::Altered => fact("labels", "cannot be moved along: it cannot say where it shows things"),
         Geometry::Kept | Geometry::Undeclared => {}
     }

@@ -76,7 +76,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     )?;
     progress.finish_and_clear();
     let name = output.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
-    pdk_sdk::file::write(output, script(&shrunk, &name)?.as_bytes()).place(output.display())?;
+    pdk_sdk::file::write(
+        output,
+        script(&shrunk.scenario, &shrunk.outcome, &luck(&shrunk), &name)?.as_bytes(),
+    )
+    .place(output.display())?;
     match global.json {
         true => print_json(&json!({
             "scenario": shrunk.scenario,

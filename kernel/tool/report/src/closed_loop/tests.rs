@@ -214,7 +214,7 @@ fn what_the_pictures_leave_out_is_reported() {
     let pictures = 1;
     assert_eq!(
         road_note(&drive, 0),
-        "The simulator does not tell its roads. Of 1 scenario, in which a component failed, there is nothing to draw."
+        "The simulator does not report its roads. Of 1 scenario, in which a component failed, there is nothing to draw."
     );
     drive.roads.push(vec![[0.0, 0.0], [0.0, 50.0]]);
     drive.scenarios.iter_mut().for_each(|scenario| scenario.road = Some(0));
@@ -226,7 +226,7 @@ fn what_the_pictures_leave_out_is_reported() {
     assert_eq!(road_note(&drive, pictures), unreadable);
     assert_eq!(section(&drive, &[], &[0.1]).unwrap().scenarios[1].unreadable, "the trace is missing");
     drive.scenarios[2].road = None;
-    let unknown = "Of 1 scenario the simulator did not tell the road.";
+    let unknown = "The simulator did not report the road of 1 scenario.";
     assert_eq!(road_note(&drive, pictures), format!("{unknown} {unreadable}"));
     let many = "These are the 24 roads with the most failures; 6 more are in the table.";
     assert_eq!(road_note(&drive, 30), format!("{many} {unknown} {unreadable}"));

@@ -128,7 +128,7 @@ fn failing_unperturbed(drive: &Drive) -> Option<String> {
     ))
 }
 
-/// The worst perturbation over several drives, or where there are no levels.
+/// The worst perturbation over several drives, or if there are no levels.
 fn worst(drives: &[Drive]) -> Option<String> {
     let order = by_severity(drives.iter().map(|drive| drive.scenarios.as_slice()));
     let (name, worst) = order.first()?;

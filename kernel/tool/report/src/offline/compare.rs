@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pdk_statistics::{CONFIDENCE, Estimate, blocks};
+use pdk_statistics::{CONFIDENCE, Estimate, blocks, paired};
 use serde::Serialize;
 
 use crate::color::Hue;
@@ -37,6 +37,7 @@ pub struct Row {
     other: String,
     difference: String,
     interval: String,
+    effect_size: String,
     worse: String,
     /// The figures behind the texts.
     #[serde(skip)]
@@ -52,6 +53,8 @@ pub struct Figures {
     pub other: f64,
     /// The second less the first, with its interval; infinite if the frames are too few.
     pub difference: Estimate,
+    /// The rank-biserial correlation over frames: positive if the other is further off.
+    pub effect_size: f64,
     /// The share of frames on which the other is further off.
     pub worse: f64,
     /// Frames that both have.
@@ -119,6 +122,7 @@ pub fn differ(
         base: mean(|means| means.0),
         other: mean(|means| means.1),
         difference,
+        effect_size: paired::effect_size(&differences),
         worse: differences.iter().filter(|difference| **difference > 0.0).count() as f64 / means.len() as f64,
         frames: means.len(),
     })
@@ -132,6 +136,7 @@ pub fn comparison(base: &Evaluation, other: &Evaluation) -> Option<Comparison> {
         other: number(figures.other),
         difference: signed(figures.difference.value),
         interval: figures.interval(),
+        effect_size: format!("{:.2}", figures.effect_size),
         worse: percent(figures.worse),
         figures,
     };
@@ -267,12 +272,17 @@ mod tests {
     fn frames_are_paired_and_a_sentence_says_which_one_is_better() {
         let (a, b) = (evaluation("a", 0.0, 60), evaluation("b", 0.3, 60));
         let found = comparison(&a, &b).unwrap();
-        let rows: Vec<(&str, &str, &str)> = found
+        let rows: Vec<[&str; 4]> = found
             .rows
             .iter()
-            .map(|row| (row.perturbation.as_str(), row.difference.as_str(), row.worse.as_str()))
+            .map(|row| [&*row.perturbation, &*row.difference, &*row.effect_size, &*row.worse])
             .collect();
-        assert_eq!(rows, [("all", "+0.200", "100 %"), ("fog", "+0.300", "100 %"), ("rain", "0.000", "0 %")]);
+        let expected = [
+            ["all", "+0.200", "1.00", "100 %"],
+            ["fog", "+0.300", "1.00", "100 %"],
+            ["rain", "0.000", "0.00", "0 %"],
+        ];
+        assert_eq!(rows, expected);
         let texts: Vec<&str> = found
             .grid
             .rows

@@ -25,7 +25,7 @@ pub fn clip_folder(folder: &Path, page: &Path) -> Result<ClipFolder> {
         (Ok(from), Ok(to)) => relative(&from, &to.join(CLIPS)),
         (Err(error), _) => {
             return Err(Error::new(format!(
-                "cannot write {} ({error}); name a place in a folder that is there",
+                "cannot write {} ({error}); name a place in a folder that exists",
                 page.display()
             )));
         }

@@ -8,7 +8,7 @@ use pdk_model::component::ENGINE;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Mode;
 use pdk_record::ledger::Line;
-use pdk_record::shell;
+use pdk_terminal::shell;
 
 use super::clips::ClipFolder;
 use crate::view::{Drive, Scenario};

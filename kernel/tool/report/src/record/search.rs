@@ -10,8 +10,8 @@ use pdk_model::scenario::Scenario;
 use pdk_model::search::{Space, label};
 use pdk_record::directory::RunDirectory;
 use pdk_record::ledger::Line;
-use pdk_record::shell;
 use pdk_sdk::error::{Place, Result};
+use pdk_terminal::shell;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -122,7 +122,7 @@ pub fn read(directory: &RunDirectory, folder: &Path, lines: &[Line]) -> Result<V
     tables.iter().map(search).collect()
 }
 
-/// What decides the outcomes of all these scenarios, but for road and perturbations; null where there are none. A parameter that
+/// What decides the outcomes of all these scenarios, but for road and perturbations; null if there are none. A parameter that
 /// a search varies is left out.
 fn shared<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Value {
     let setting = |scenario: &Scenario| {

@@ -1,7 +1,7 @@
 //! What was run, from the manifest.
 
 use pdk_record::manifest::Manifest;
-use pdk_record::shell::quoted;
+use pdk_terminal::shell::quoted;
 use serde_json::Value;
 
 use crate::view::{Component, Setup};

@@ -9,11 +9,11 @@ use pdk_record::ledger::Line;
 use pdk_record::trace::ending::{BEFORE, before_the_last};
 use pdk_record::trace::reader::{Entry, Owner, TraceImage, TraceReader};
 use pdk_record::trace::step::{ImageTopic, Step};
-use pdk_record::trace::telemetry::samples;
 use pdk_sdk::error::Result;
 
 use crate::closed_loop::worst_failures;
 use crate::parallel;
+use crate::telemetry::samples;
 use crate::view::{Drive, Place, Shot};
 
 /// Pictures of this many bytes make a page that is still handy: in a page a third more.
@@ -184,7 +184,7 @@ mod tests {
             let time = sequence as f64 / 10.0;
             let state =
                 State { time, position: [0.5, 9.0, time], cross_track_error: -0.5, ..State::default() };
-            trace.step(&Step { sequence, state, control: Control::default(), frame_hash: 0 }).unwrap();
+            trace.step(&Step { sequence, state, ..Step::default() }).unwrap();
             for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
                 trace.image(topic, sequence, time, frame.as_ref()).unwrap();
             }

@@ -5,10 +5,11 @@ use pdk_abi::abi_stable::library::{CheckTypeLayout, RootModuleResult};
 use pdk_abi::abi_stable::marker_type::ErasedPrefix;
 use pdk_abi::abi_stable::prefix_type::{PrefixRefTrait, WithMetadata};
 use pdk_abi::abi_stable::std_types::ROk;
-use pdk_abi::{Plugin, PluginRef, Sink, Status, Text};
+use pdk_abi::{Plugin, PluginRef, Sink, Status, Text, each_kind};
 
-use super::functions::make;
-use super::{Exported, Package, configured, finish, guard, put};
+use super::call::{finish, put};
+use super::guard::guard;
+use super::registrations::{Exported, Package, configured, make};
 use crate::SDK_VERSION;
 use crate::abi::PluginDescription;
 
@@ -18,28 +19,28 @@ pub const fn header<P: Exported>() -> LibHeader {
     unsafe { LibHeader::from_constructor::<PluginRef>(root_module::<P>, CheckTypeLayout::Yes) }
 }
 
-extern "C" fn root_module<P: Exported>() -> RootModuleResult {
-    let plugin = const {
-        &WithMetadata::new(Plugin {
-            describe: describe::<P>,
-            perturbation: make::perturbation::<P>,
-            simulator: make::simulator::<P>,
-            driver: make::driver::<P>,
-            saliency: make::saliency::<P>,
-            search: make::search::<P>,
-            dataset: make::dataset::<P>,
-            input_files: input_files::<P>,
-            mask: make::mask::<P>,
-            predictor: make::predictor::<P>,
-        })
+/// The function of the root module, with the functions that make instances of each kind.
+macro_rules! root_module {
+    ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {
+        extern "C" fn root_module<P: Exported>() -> RootModuleResult {
+            let plugin = const {
+                &WithMetadata::new(Plugin {
+                    describe: describe::<P>,
+                    input_files: input_files::<P>,
+                    $($name: make::$name::<P>,)*
+                })
+            };
+            let plugin = PluginRef(plugin.static_as_prefix()).to_prefix_ref();
+            // SAFETY: the host compares the layout in the header before it uses it.
+            ROk(unsafe { plugin.cast::<ErasedPrefix>() })
+        }
     };
-    let plugin = PluginRef(plugin.static_as_prefix()).to_prefix_ref();
-    // SAFETY: the host compares the layout in the header before it uses it.
-    ROk(unsafe { plugin.cast::<ErasedPrefix>() })
 }
 
+each_kind!(root_module);
+
 unsafe extern "C" fn describe<P: Exported>(description: *const Sink, error: *const Sink) -> Status {
-    let described = guard::guard(|| {
+    let described = guard(|| {
         let Package { name, version, homepage, repository } = P::PACKAGE;
         let homepage = if homepage.is_empty() { repository } else { homepage };
         let described = PluginDescription {
@@ -63,7 +64,7 @@ unsafe extern "C" fn input_files<P: Exported>(
     files: *const Sink,
     error: *const Sink,
 ) -> Status {
-    let listed = guard::guard(|| {
+    let listed = guard(|| {
         // SAFETY: the host lends the parameters for this call.
         let (registration, _, config) = unsafe { configured(P::TABLE, index, parameters) }?;
         let listed = serde_json::to_string(&(registration.input_files)(&config)?)?;

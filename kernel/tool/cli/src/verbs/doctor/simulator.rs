@@ -96,7 +96,7 @@ fn rate(camera: Camera, times: &Times, clock: Clock) -> Finding {
     let measured = (FRAMES - 1) as f64 / passed;
     let (state, remark) = match clock {
         Clock::Stepped => (Mark::Good, String::new()),
-        Clock::Own if passed <= 0.0 => (Mark::Bad, ", but its time does not go on".to_owned()),
+        Clock::Own if passed <= 0.0 => (Mark::Bad, ", but its time does not advance".to_owned()),
         Clock::Own if (0.8..1.25).contains(&(measured / rate)) => {
             (Mark::Good, format!("; {measured:.1} frames a second were measured"))
         }

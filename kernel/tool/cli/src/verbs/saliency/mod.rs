@@ -65,7 +65,7 @@ pub struct Arguments {
 
 /// A method that is ready.
 struct Method {
-    /// Its name, with a number behind it where it is used several times.
+    /// Its name, with a number behind it if it is used several times.
     label: String,
     /// What messages call it.
     place: String,

@@ -1,0 +1,176 @@
+//! The smallest part of a drive for which something holds: a span of frames, and a box in them.
+
+use std::ops::Range;
+
+use pdk_sdk::error::Result;
+
+/// How finely boxes are told apart, in parts of the width and of the height.
+pub const GRID: u32 = 64;
+
+/// A span of frames and a box, whose sides are counted in parts of the frame.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Block {
+    /// The frames.
+    pub frames: Range<u32>,
+    /// From left to right.
+    pub columns: Range<u32>,
+    /// From top to bottom.
+    pub rows: Range<u32>,
+}
+
+/// A side of a block: its axis, and whether it is the first of the two.
+pub type Side = (usize, bool);
+
+/// The first and the last frame, which move before the sides of the box.
+pub const OF_TIME: &[Side] = &[(0, true), (0, false)];
+
+/// All sides of a block, in the order in which they move.
+pub const SIDES: &[Side] = &[(0, true), (0, false), (2, true), (2, false), (1, true), (1, false)];
+
+impl Block {
+    /// The first `frames` frames, whole.
+    pub fn whole(frames: u32) -> Self {
+        Self { frames: 0..frames, columns: 0..GRID, rows: 0..GRID }
+    }
+
+    /// The box as left, top, right and bottom in shares of the frame; nothing if it is the whole frame.
+    pub fn area(&self) -> Option<[f64; 4]> {
+        let share = |part: u32| f64::from(part) / f64::from(GRID);
+        let all = 0..GRID;
+        (self.columns != all || self.rows != all)
+            .then(|| [self.columns.start, self.rows.start, self.columns.end, self.rows.end].map(share))
+    }
+
+    fn axis(&self, axis: usize) -> &Range<u32> {
+        [&self.frames, &self.columns, &self.rows][axis]
+    }
+
+    /// The same with a side moved inwards by some steps; nothing if that leaves nothing.
+    fn moved(&self, (axis, first): Side, steps: u32) -> Option<Self> {
+        let mut moved = self.clone();
+        let range = [&mut moved.frames, &mut moved.columns, &mut moved.rows].into_iter().nth(axis)?;
+        match first {
+            true => range.start += steps,
+            false => range.end = range.end.checked_sub(steps)?,
+        }
+        (range.start < range.end).then_some(moved)
+    }
+}
+
+/// Moves these sides of a block, for which something holds, inwards as long as it does. What comes out holds, and does not if any one of its sides is
+/// one step further in. `holds` is asked about blocks that do not depend on each other at the same time.
+///
+/// # Errors
+/// If `holds` fails.
+pub fn smallest(
+    mut block: Block,
+    sides: &[Side],
+    holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
+) -> Result<Block> {
+    for side in sides {
+        block = moved_in(block, *side, 0, holds)?;
+    }
+    // What was needed when another side had not moved may not be any more.
+    loop {
+        let steps: Vec<_> = sides.iter().filter_map(|&side| Some((side, block.moved(side, 1)?))).collect();
+        let blocks: Vec<Block> = steps.iter().map(|(_, block)| block.clone()).collect();
+        let held = holds(&blocks)?;
+        let Some(place) = held.iter().position(|holds| *holds) else { return Ok(block) };
+        block = moved_in(block, steps[place].0, 1, holds)?;
+    }
+}
+
+/// Moves one side as far as a search by halves finds; `known` steps are known to be possible.
+fn moved_in(
+    block: Block,
+    side: Side,
+    known: u32,
+    holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
+) -> Result<Block> {
+    let length = block.axis(side.0).len() as u32;
+    let (mut possible, mut not) = (known, length);
+    while not - possible > 1 {
+        let middle = possible + (not - possible) / 2;
+        let Some(smaller) = block.moved(side, middle) else { break };
+        match holds(&[smaller])?.first() {
+            Some(true) => possible = middle,
+            _ => not = middle,
+        }
+    }
+    Ok(block.moved(side, possible).unwrap_or(block))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn intersection(a: &Range<u32>, b: &Range<u32>) -> u32 {
+        a.end.min(b.end).saturating_sub(a.start.max(b.start))
+    }
+
+    fn size(block: &Block) -> u64 {
+        [&block.frames, &block.columns, &block.rows].iter().map(|range| range.len() as u64).product()
+    }
+
+    fn overlap(a: &Block, b: &Block) -> f64 {
+        let both: u64 = (0..3).map(|axis| u64::from(intersection(a.axis(axis), b.axis(axis)))).product();
+        both as f64 / (size(a) + size(b) - both) as f64
+    }
+
+    /// Causes at places that look random, of 1 to 40 frames and boxes of 4 to 36 parts.
+    fn causes() -> impl Iterator<Item = Block> {
+        let mut state = 1u64;
+        let mut below = move |limit: u32| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 33) as u32) % limit
+        };
+        (0..200).map(move |_| {
+            let (frames, columns, rows) = (1 + below(40), 4 + below(32), 4 + below(32));
+            let [first, left, top] = [below(400 - frames), below(GRID - columns), below(GRID - rows)];
+            Block { frames: first..first + frames, columns: left..left + columns, rows: top..top + rows }
+        })
+    }
+
+    #[test]
+    fn planted_causes_are_found_exactly_if_all_of_them_is_needed() {
+        let mut probes = 0;
+        for cause in causes() {
+            let found = smallest(Block::whole(400), SIDES, &mut |blocks| {
+                probes += blocks.len();
+                Ok(blocks
+                    .iter()
+                    .map(|block| overlap(block, &cause) >= size(&cause) as f64 / size(block) as f64)
+                    .collect())
+            })
+            .unwrap();
+            assert_eq!(found, cause);
+        }
+        assert!(probes / 200 < 60, "{} probes for each", probes / 200);
+    }
+
+    #[test]
+    fn what_is_found_holds_and_no_side_can_move_further() {
+        for cause in causes() {
+            // Nine tenths of the cause are enough.
+            let holds = |block: &Block| {
+                let both: u64 =
+                    (0..3).map(|axis| u64::from(intersection(block.axis(axis), cause.axis(axis)))).product();
+                both * 10 >= size(&cause) * 9
+            };
+            let found =
+                smallest(Block::whole(400), SIDES, &mut |blocks| Ok(blocks.iter().map(holds).collect()))
+                    .unwrap();
+            assert!(holds(&found));
+            for side in SIDES {
+                assert!(!found.moved(*side, 1).is_some_and(|smaller| holds(&smaller)), "{cause:?} {found:?}");
+            }
+            assert!(overlap(&found, &cause) >= 0.9, "{cause:?} {found:?}");
+        }
+    }
+
+    #[test]
+    fn an_error_ends_the_search() {
+        let failed = smallest(Block::whole(9), SIDES, &mut |_| Err(pdk_sdk::error::Error::new("no")));
+        assert_eq!(failed.unwrap_err().to_string(), "no");
+    }
+}

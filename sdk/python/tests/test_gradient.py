@@ -1,0 +1,69 @@
+"""Gradients of networks, beside central differences of the networks themselves."""
+
+from pathlib import Path
+
+import numpy
+import pytest
+
+import pdk_perturb as pdk
+
+onnxruntime = pytest.importorskip("onnxruntime")
+
+MODEL = Path(__file__).parents[3] / "scripts" / "models" / "dave2.onnx"
+
+
+@pytest.fixture(scope="module")
+def inputs():
+    draws = numpy.random.default_rng(0)
+    return (draws.random((1, 3, 66, 200)) * 255).astype(numpy.float32), numpy.array([[8.0]], numpy.float32)
+
+
+@pytest.fixture(scope="module")
+def controls():
+    network = onnxruntime.InferenceSession(MODEL.read_bytes(), providers=["CPUExecutionProvider"])
+    return lambda image, speed: network.run(None, {"image": image, "speed": speed})[0]
+
+
+def test_the_gradient_of_the_steering_is_the_slope_of_the_network(inputs, controls):
+    gradient = pdk.Gradient(MODEL, of="control[0]", by="image")
+    assert gradient.objective == "control[0]" and gradient.by == ["image"]
+    value, slope = gradient.with_value(*inputs)
+    assert value == pytest.approx(float(controls(*inputs)[0, 0]), abs=1e-6)
+    assert slope.shape == (1, 3, 66, 200)
+    image, speed = inputs
+    # Along the gradient itself, where the slope is steepest.
+    direction = slope / numpy.abs(slope).max()
+    difference = (controls(image + 0.5 * direction, speed) - controls(image - 0.5 * direction, speed))[0, 0]
+    assert difference == pytest.approx(float((slope * direction).sum()), rel=0.02)
+
+
+def test_a_loss_falls_along_the_gradients_of_the_weights(inputs):
+    loss = pdk.Gradient(MODEL, of="squared_error(control)", by=["connected.6.weight", "connected.6.bias"])
+    target = [[0.3, 0.1]]
+    value, slopes = loss.with_value(*inputs, target=target)
+    assert {name: slope.shape for name, slope in slopes.items()} == {
+        "connected.6.weight": (2, 10),
+        "connected.6.bias": (2,),
+    }
+    # The bias is added to both controls, so its gradient is that of the mean of two squares.
+    control = pdk.Gradient(MODEL, of="control[0]").with_value(*inputs)[0]
+    assert slopes["connected.6.bias"][0] == pytest.approx(control - 0.3, abs=1e-5)
+    assert value > 0
+
+
+def test_what_does_not_fit_is_an_error_that_names_it(inputs):
+    with pytest.raises(pdk.Error, match="there is no value `steering`"):
+        pdk.Gradient(MODEL, of="steering")
+    with pytest.raises(pdk.Error, match="no value or node `nothing`"):
+        pdk.Gradient(MODEL, of="control[0]", by="nothing")
+    with pytest.raises(pdk.Error, match="nowhere.onnx"):
+        pdk.Gradient("nowhere.onnx")
+    with pytest.raises(TypeError, match="model is bytes"):
+        pdk.Gradient(b"")
+    gradient = pdk.Gradient(MODEL, of="control[0]")
+    with pytest.raises(TypeError, match="`speed` is missing; the inputs are image, speed"):
+        gradient(inputs[0])
+    with pytest.raises(TypeError, match="`image` is given twice"):
+        gradient(*inputs, image=inputs[0])
+    with pytest.raises(ValueError, match=r"`image` has the shape \(3, 66, 200\)"):
+        gradient(inputs[0][0], inputs[1])
