@@ -20,9 +20,12 @@ if #settings.perturbations > 0 and #settings.levels == 0 then
 end
 
 local scenarios = { { name = "nominal" } }
-for _, name in settings.perturbations do
+for _, perturbation in settings.perturbations do
 	for _, level in settings.levels do
-		table.insert(scenarios, { perturbations = { { name = name, level = level } } })
+		-- A name, or a table with parameters as well.
+		local perturbed = if type(perturbation) == "table" then table.clone(perturbation) else { name = perturbation }
+		perturbed.level = level
+		table.insert(scenarios, { perturbations = { perturbed } })
 	end
 end
 for _, scenario in scenarios do

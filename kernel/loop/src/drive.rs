@@ -99,7 +99,7 @@ impl<'a> Run<'a> {
     pub fn new(drive: &'a Drive, number: u64, slot: u32) -> Self {
         Self {
             job: Assignment { drive, number, slot },
-            judge: Judge::new(drive.scenario.failure, drive.scenario.duration),
+            judge: Judge::new(&drive.scenario),
             digest: Digest::default(),
             count: Count::default(),
             pace: Pace::start(1.0, None),

@@ -2,7 +2,7 @@
 
 use pdk_model::failure::FailureCriteria;
 use pdk_model::outcome::{Cause, Measures};
-use pdk_sdk::prelude::State;
+use pdk_sdk::prelude::{Scenario, State};
 
 use crate::comfort::Comfort;
 
@@ -22,11 +22,11 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// A judge of a scenario with these criteria, and a time limit in seconds.
-    pub fn new(criteria: FailureCriteria, duration: f64) -> Self {
+    /// The judge of a scenario.
+    pub fn new(scenario: &Scenario) -> Self {
         Self {
-            criteria,
-            duration,
+            criteria: scenario.failure,
+            duration: scenario.duration,
             standing_since: None,
             states: 0,
             sum: 0.0,
@@ -105,8 +105,12 @@ mod tests {
         State { time, speed: 5.0, ..State::default() }
     }
 
+    fn judge_by(failure: FailureCriteria, duration: f64) -> Judge {
+        Judge::new(&Scenario { failure, duration, ..Scenario::default() })
+    }
+
     fn judge(duration: f64) -> Judge {
-        Judge::new(FailureCriteria::default(), duration)
+        judge_by(FailureCriteria::default(), duration)
     }
 
     #[test]
@@ -153,7 +157,7 @@ mod tests {
     fn the_criteria_are_those_of_the_scenario() {
         let at = |criteria: FailureCriteria, cross_track_error: f64| {
             let state = State { cross_track_error, lane_departure: true, ..state(1.0) };
-            Judge::new(criteria, 60.0).look(&state)
+            judge_by(criteria, 60.0).look(&state)
         };
         let own = FailureCriteria { lane_departure: Some(4.0), ..FailureCriteria::default() };
         // What the simulator says does not count then.
@@ -161,7 +165,7 @@ mod tests {
         assert_eq!(at(FailureCriteria { comparison: Comparison::MoreThan, ..own }, 4.0), None);
         assert_eq!(at(FailureCriteria::default(), 0.0), Some(Cause::LaneDeparture));
         let patient = FailureCriteria { standstill_seconds: 9.0, standstill_speed: 6.0, ..own };
-        let mut judge = Judge::new(patient, 60.0);
+        let mut judge = judge_by(patient, 60.0);
         assert_eq!(
             [0.0, 8.9, 9.0].map(|time| judge.look(&state(time))),
             [None, None, Some(Cause::NoProgress)]
@@ -176,6 +180,6 @@ mod tests {
         }
         let measures = judge.measures().unwrap();
         assert_eq!((measures.over_line_from, measures.over_line_seconds), (Some(1.0), 1.5));
-        assert!(Judge::new(FailureCriteria::default(), 1.0).measures().is_none());
+        assert!(judge_by(FailureCriteria::default(), 1.0).measures().is_none());
     }
 }

@@ -77,9 +77,15 @@ impl Pool {
             match event {
                 (None, None) => break,
                 (None, Some(line)) => {
-                    let slot = json(&line)?["job"]["slot"].as_u64().ok_or("the session gave no slot")?;
-                    // A session numbers the slots of a pool in a row, from wherever.
-                    self.workers[slot as usize % slots].give(line, 1);
+                    match json(&line)?.get("job") {
+                        Some(job) => {
+                            let slot = job["slot"].as_u64().ok_or("the session gave no slot")?;
+                            // A session numbers the slots of a pool in a row, from wherever.
+                            self.workers[slot as usize % slots].give(line, 1);
+                        }
+                        // Of a later session: workers know what to do about it.
+                        None => self.workers.iter_mut().for_each(|worker| worker.tell(&line)),
+                    }
                 }
                 (Some(slot), Some(line)) => self.hear(slot, &line)?,
                 (Some(slot), None) => self.lost(slot)?,

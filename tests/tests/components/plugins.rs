@@ -408,7 +408,7 @@ fn check_finds_every_misbehaviour() {
         };
         assert!(failure.as_str().unwrap_or_default().contains(expected), "{name}: {failure}");
     }
-    assert!(checks.len() > 70 && harmless == 16, "{} checks, {harmless} harmless", checks.len());
+    assert!(checks.len() > 70 && harmless == 17, "{} checks, {harmless} harmless", checks.len());
 
     let describe =
         Pdk::new(["check"]).arg(test_library("misbehave")).env("MISBEHAVE", "panic_in_describe").run();

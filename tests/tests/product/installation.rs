@@ -174,7 +174,8 @@ fn pipelines_that_come_along_have_names_and_can_be_copied() {
     assert_eq!(text(&folder.path().join("mine.lua")), text(&repository().join("scripts/quickstart.lua")));
     new(&["driver", "mine", "--from", "quickstart"]).fail(1, &["--from is for pipelines"]);
     let run = |name: &str| Pdk::new(["run", name]).folder(folder.path());
-    run("quickstat").fail(1, &["no pipeline `quickstat`", "did you mean `quickstart`?", "./quickstat"]);
+    run("quickstat")
+        .fail(1, &["no built-in pipeline `quickstat`", "did you mean `quickstart`?", "./quickstat"]);
     run("quickstart.lua").fail(1, &["cannot read the pipeline quickstart.lua", "`pdk run quickstart`"]);
     let help = Pdk::new(["run", "--help"]).succeed();
     for name in ["quickstart", "manual", "greedy", "study", "offline", "collect"] {

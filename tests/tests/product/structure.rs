@@ -89,6 +89,41 @@ fn crates_depend_on_none_of_a_layer_above() {
     assert!(checked > 100, "only {checked} dependencies were found");
 }
 
+/// Cargo compiles a crate a second time for its tests and runs its examples one by one, also if it has none. So those without say so.
+#[test]
+fn no_test_and_no_example_is_left_out() {
+    let of_tests = ["altered", "frozen/plugin", "later", "misbehave", "stranger", "."];
+    let mut left_out = Vec::new();
+    for folder in crates().into_iter().chain(of_tests.map(|name| format!("tests/{name}"))) {
+        let manifest = manifest(&folder);
+        let library = manifest.split("\n[lib]\n").nth(1).unwrap_or_default();
+        let library: Vec<_> = library.lines().take_while(|line| !line.starts_with('[')).collect();
+        let mut files = Vec::new();
+        collect(&repository().join(&folder).join("src"), &mut files);
+        let code: Vec<_> = files.iter().map(|file| fs::read_to_string(file).unwrap()).collect();
+        let has = |found: fn(&str) -> bool| code.iter().any(|code| found(code));
+        let says = |line: &str| library.contains(&line);
+        if has(|code| code.contains("#[test]")) && says("test = false") {
+            left_out.push(format!("{folder} has tests"));
+        }
+        if has(has_example) && says("doctest = false") {
+            left_out.push(format!("{folder} has examples"));
+        }
+    }
+    assert!(left_out.is_empty(), "correct `[lib]` in their Cargo.toml:\n{}", left_out.join("\n"));
+}
+
+/// Whether comments for documentation have an example in Rust, or take one in.
+fn has_example(code: &str) -> bool {
+    let comments = code.lines().filter_map(|line| {
+        let line = line.trim();
+        line.strip_prefix("///").or_else(|| line.strip_prefix("//!"))
+    });
+    let fences = comments.filter_map(|line| line.trim().strip_prefix("```"));
+    fences.step_by(2).any(|language| ["", "rust", "no_run", "should_panic"].contains(&language))
+        || code.contains("doc = include_str!(\"../README.md\")")
+}
+
 /// The folders of the crates that are built for users.
 fn crates() -> Vec<String> {
     let mut folders = vec!["product".to_owned()];

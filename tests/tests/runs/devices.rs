@@ -27,14 +27,9 @@ fn driven(folder: &Path, out: &Path, perturbations: &[&str], workers: &str) -> V
     let scenarios: String =
         perturbations.iter().map(|list| format!("    {{ perturbations = {{ {list} }} }},\n")).collect();
     let source = format!(
-        "for _, scenario in {{\n{scenarios}}} do
-    scenario.simulator = {SIMULATOR}
-    scenario.driver = 'lane_keeper'
-    scenario.road = {{ angles = {{ 0, 8, -8 }}, segment = 15 }}
-    scenario.duration = 6
-    pdk.submit(scenario)
-end
-for outcome in pdk.outcomes() do print(outcome.name, outcome.cause) end\n"
+        "local scenarios = {{\n{scenarios}}}
+for _, scenario in scenarios do scenario.road = {{ angles = {{ 0, 8, -8 }}, segment = 15 }} end
+pdk.drive {{ simulator = {SIMULATOR}, driver = 'lane_keeper', duration = 6, scenarios = scenarios }}\n"
     );
     let file = pipeline(folder, &source);
     Pdk::new(["run", "--workers", workers, "--out"]).arg(out).arg(file).folder(folder).succeed();
@@ -121,11 +116,14 @@ fn what_is_not_in_pictures_is_refused_where_there_are_only_pictures() {
         .fail(1, &[sentence]);
     let file = pipeline(
         folder.path(),
-        "pdk.drive { driver = 'lane_keeper', perturbations = { { name = 'late_controls', level = 2, region = { box = { 0, 0, 1, 0.5 } } } } }",
+        "pdk.drive { simulator = 'lane', driver = 'lane_keeper', scenarios = { { perturbations = { { name = 'late_controls', level = 2, region = { box = { 0, 0, 1, 0.5 } } } } } } }",
     );
     let ran = Pdk::new(["run", "--out"]).arg(folder.path().join("limited")).arg(file).run();
     let printed = format!("{}{}", ran.stdout, ran.stderr);
-    assert!(printed.contains("it does not change frames, so leave `region` and `where` out"), "{printed}");
+    assert!(
+        printed.contains("it does not change frames, so leave `region`, `where` and the box of `during` out"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -149,7 +147,7 @@ fn a_script_that_changes_no_frames_is_checked_by_its_own_rules() {
         ),
         (
             "actuate = function(control) control.steering = 'left' end",
-            "it leaves `steering` as a text, but it has to be a number",
+            "it leaves `steering` as a string, but it has to be a number",
         ),
         (
             "observe = function() return 1 end",

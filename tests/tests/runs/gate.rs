@@ -347,7 +347,11 @@ fn drives_that_do_not_repeat_are_repeated_and_told_apart_from_what_differs() {
     let folder = temp();
     let suite = suite(folder.path(), DRAWN);
     let out = folder.path().join("out");
-    let ran = gate("misbehave,at=-1", "misbehave,at=-2", &suite, &out).misbehave().arg("--json").run();
+    let ran = gate("misbehave", "misbehave,at=-1", &suite, &out)
+        .folder(folder.path())
+        .misbehave()
+        .arg("--json")
+        .run();
     // Whether it passes is drawn, too.
     assert!(matches!(ran.code, Some(0 | 3)), "{}", ran.stderr);
     let found = ran.json();
@@ -368,10 +372,11 @@ fn drives_that_do_not_repeat_are_repeated_and_told_apart_from_what_differs() {
     let seeds: Vec<&Value> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
     assert!(seeds.iter().all(|seed| seeds.iter().filter(|other| other == &seed).count() >= 4));
     // The verdict agrees with itself, though no drive comes out as another.
-    Pdk::new(["verify", "--probes", "0"]).arg(&out).misbehave().succeed();
+    Pdk::new(["verify", "--probes", "0"]).arg(&out).folder(folder.path()).misbehave().succeed();
     // A driver that fails always is found, and its failures are more than luck.
-    let worse = gate("misbehave,at=-1", "misbehave,how=idle", &suite, &folder.path().join("worse"));
-    let ran = worse.misbehave().args(["--markdown"]).arg(folder.path().join("a.md")).run();
+    let worse = gate("misbehave", "misbehave,how=idle", &suite, &folder.path().join("worse"));
+    let ran =
+        worse.folder(folder.path()).misbehave().args(["--markdown"]).arg(folder.path().join("a.md")).run();
     assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
     assert!(ran.stdout.contains("the simulator does not repeat itself: a second drive"), "{}", ran.stdout);
     let markdown = fs::read_to_string(folder.path().join("a.md")).unwrap();

@@ -96,16 +96,17 @@ fn a_pool_of_an_earlier_pdk_works_without_what_it_does_not_have() {
     let data = folder.path().join("data");
     datasets::folder(&data, 4, 8, 8);
     onnx::colours(&folder.path().join("colours.onnx"), 8, 8);
-    let evaluate = |looking: &str| {
+    datasets::folder(&folder.path().join("larger"), 4, 32, 24);
+    let evaluate = |data: &str, looking: &str| {
         format!(
-            "pdk.evaluate({{ dataset = pdk.path('data'), {looking}, perturbations = {{ 'gaussian_noise' }}, levels = {{ 1 }} }})"
+            "pdk.evaluate({{ dataset = pdk.path('{data}'), {looking}, perturbations = {{ 'gaussian_noise' }}, levels = {{ 1 }} }})"
         )
     };
-    let driver = pipeline(folder.path(), &evaluate("driver = 'lane_keeper'"));
+    let driver = pipeline(folder.path(), &evaluate("larger", "driver = 'lane_keeper'"));
     run(&driver, &folder.path().join("driver")).args(["--pool", &earlier]).succeed();
     let looking = "predictor = { name = 'network', model = pdk.path('colours.onnx'), scale = '0..1', engine = 'tract' },
         task = { kind = 'function', score = function(seen) return seen.outputs.scores.values[1] end }";
-    let predictor = pipeline(folder.path(), &evaluate(looking));
+    let predictor = pipeline(folder.path(), &evaluate("data", looking));
     run(&predictor, &folder.path().join("here-too")).succeed();
     let parts = ["speaks version 2.0", "predictors came with version 2.1", "use a later pdk there"];
     run(&predictor, &folder.path().join("predictor")).args(["--pool", &earlier]).fail(1, &parts);

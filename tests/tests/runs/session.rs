@@ -123,7 +123,7 @@ fn calls_are_answered_in_order_and_a_mistake_costs_nothing_but_its_call() {
 }
 
 #[test]
-fn a_key_that_is_there_twice_and_a_seed_that_is_too_large_are_refused() {
+fn a_key_that_occurs_twice_and_a_seed_that_is_too_large_are_refused() {
     let folder = temp();
     let input = format!(
         "{}\n{}\n{}\n{}\n",
@@ -138,8 +138,8 @@ fn a_key_that_is_there_twice_and_a_seed_that_is_too_large_are_refused() {
         .filter_map(|message| message["failed"]["message"].as_str().map(str::to_owned))
         .collect();
     assert_eq!(said.len(), 3, "{said:?}");
-    assert!(said[0].contains("the key `duration` is there twice"), "{said:?}");
-    assert!(said[1].contains("the key `width` is there twice"), "{said:?}");
+    assert!(said[0].contains("the key `duration` occurs twice"), "{said:?}");
+    assert!(said[1].contains("the key `width` occurs twice"), "{said:?}");
     assert!(said[2].contains("scenario 0: `seed` is 9007199254740992, but has to be"), "{said:?}");
     assert!(!folder.path().join("runs").exists());
 }

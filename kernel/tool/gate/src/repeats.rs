@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn luck_is_told_apart_from_what_differs() {
+    fn luck_and_what_differs_are_apart() {
         let loaded = suite(SMALL).unwrap();
         let mut counted = Counted::default();
         assert_eq!(counted.luck(), None);

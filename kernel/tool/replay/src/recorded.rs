@@ -100,7 +100,6 @@ fn find(scenarios: &BTreeMap<u64, Line>, text: &str, place: &str) -> Result<u64>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::prelude::{Control, State};
     use serde_json::json;
 
     fn line(id: &str) -> Line {

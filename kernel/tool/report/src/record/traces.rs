@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::view::{Scenario, Verdict};
     use pdk_record::trace::writer;
-    use pdk_sdk::prelude::{Control, FrameBuf, State};
+    use pdk_sdk::prelude::{FrameBuf, State};
 
     fn line(number: u64) -> Line {
         let value = serde_json::json!({
