@@ -187,7 +187,7 @@ impl Condition {
 }
 
 #[cfg(test)]
-pub mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// A small table.

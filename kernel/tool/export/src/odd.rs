@@ -17,7 +17,7 @@ use crate::domain::{Domain, Item, Meaning};
 
 /// What the page and the file do not say.
 const CLAIM: &str = "This page sorts what pdk drove by attributes of an operational design domain as ISO 34503:2023 sorts them, and by conditions that may \
-                     trigger an insufficiency of a camera's function, as the analysis in clause 7 of ISO 21448:2022 looks for them. The names and the \
+                     trigger an insufficiency of a function that sees through a camera, as the analysis in clause 7 of ISO 21448:2022 looks for them. The names and the \
                      mapping are pdk's own. It claims no conformity with either standard, and a simulated perturbation is not the condition itself.";
 
 /// A record seen as an operational design domain.
@@ -311,8 +311,8 @@ pub fn html(odd: &Odd) -> Result<String> {
         let of = |state: State| rows.iter().filter(|row| row.state == state).count();
         let driven = of(State::Failed) + of(State::Passed);
         let more = [
-            (State::Perturbed, "shown under perturbations only"),
-            (State::Recorded, "seen on recordings only"),
+            (State::Perturbed, "were shown under perturbations only"),
+            (State::Recorded, "were seen on recordings only"),
         ];
         let more: String = more
             .iter()
@@ -320,7 +320,7 @@ pub fn html(odd: &Odd) -> Result<String> {
             .map(|(state, words)| format!("{} {words}, ", of(*state)))
             .collect();
         format!(
-            "Of {} {what}, {driven} were driven, with failures in {}; {more}{} open.",
+            "Of {} {what}, {driven} were driven, with failures in {}; {more}{} are open.",
             rows.len(),
             of(State::Failed),
             of(State::Open)
@@ -427,7 +427,7 @@ mod tests {
         assert!(without.attributes[1].state == State::Perturbed && without.attributes[1].drivers.is_empty());
         assert_eq!(found.unlisted.iter().collect::<Vec<_>>(), ["own"]);
         let page = html(&found).unwrap();
-        assert!(page.contains("Of 3 attributes, 2 were driven, with failures in 1; 1 open."), "{page}");
+        assert!(page.contains("Of 3 attributes, 2 were driven, with failures in 1; 1 are open."), "{page}");
         assert!(page.contains("fog &amp; mist") && page.contains("&lt;x&gt;") && !page.contains("<x>"));
         assert!(page.contains("It claims no conformity"), "{page}");
     }

@@ -284,7 +284,10 @@ mod tests {
         let text = markdown(&judged(false, "not_met", vec![drive.clone()]));
         let first = "### ❌ pdk gate failed: new\\_one against old\\|one in suite small version 2, decided after 16 of at most 40 drives";
         assert_eq!(text.lines().next(), Some(first));
-        assert!(text.contains("| not worse | met | 8 | 2 (25 %) | 1 (12 %) | -0.12 (-0.50 to +0.10) | fine |"), "{text}");
+        assert!(
+            text.contains("| not worse | met | 8 | 2 (25 %) | 1 (12 %) | -0.12 (-0.50 to +0.10) | fine |"),
+            "{text}"
+        );
         // No share of no scenario.
         assert!(text.contains("| no new failure | not met | 0 |  |  |  | one |"), "{text}");
         assert!(text.contains("- a\\*b: it left the lane after 3 s"), "{text}");
@@ -301,7 +304,8 @@ mod tests {
 
     #[test]
     fn many_new_failures_are_counted() {
-        let all = |count| failures(&judged(false, "met", vec![failure("b", Ending::Block(Steering::Off)); count]));
+        let all =
+            |count| failures(&judged(false, "met", vec![failure("b", Ending::Block(Steering::Off)); count]));
         assert_eq!(all(MOST).len(), MOST);
         let lines = all(MOST + 3);
         assert_eq!((lines.len(), lines.last().unwrap().as_str()), (MOST + 1, "and 3 more"));

@@ -194,7 +194,16 @@ mod tests {
         let mut trace = Trace::create(path, &recorded.line.id).unwrap();
         for sequence in 0..recorded.line.outcome.frames {
             let state = State { time: sequence as f64 / 4.0, ..State::default() };
-            trace.step(&Step { sequence, state, control: Control::default(), frame_hash: 0 }).unwrap();
+            trace
+                .step(&Step {
+                    sequence,
+                    state,
+                    control: Control::default(),
+                    frame_hash: 0,
+                    told: None,
+                    applied: None,
+                })
+                .unwrap();
             let data = vec![brightness + 8 * sequence as u8; width * 16 * 3];
             let frame = Frame::new(&data, width, 16).unwrap();
             for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
