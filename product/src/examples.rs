@@ -223,6 +223,10 @@ pub const EXAMPLES: &[Examples] = &[
             ),
             ("pdk export runs/quickstart-1 --to tex -o paper", "its tables for LaTeX, in paper/tables"),
             ("pdk export runs/quickstart-1 --to junit -o .", "junit.xml: a test case for each scenario"),
+            (
+                "pdk export runs/study-1 --to odd -o .",
+                "odd.json and odd.html: what was driven of an operational design domain, what failed, and what is open",
+            ),
             ("pdk export runs/quickstart-1 -o scenarios.json", "the scenarios for the published tool"),
         ],
     ),

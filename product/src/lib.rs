@@ -10,6 +10,7 @@ pub static PRODUCT: Product = Product {
     perturbations: PERTURBATIONS,
     pipelines: PIPELINES,
     suites: SUITES,
+    domain: include_str!("../../scripts/domain.toml"),
     modules: MODULES,
     first_pipeline: include_str!("../templates/pipeline.lua"),
     examples: examples::EXAMPLES,

@@ -16,6 +16,8 @@ pub struct Product {
     pub pipelines: &'static [BuiltInScript],
     /// The suites that a gate knows by their name.
     pub suites: &'static [BuiltInScript],
+    /// What perturbations and simulators stand for in an operational design domain, as a table in TOML.
+    pub domain: &'static str,
     /// The modules that pipelines can require.
     pub modules: &'static [BuiltInScript],
     /// The pipeline that a user begins with.
@@ -53,6 +55,7 @@ static NOTHING: Product = Product {
     perturbations: &[],
     pipelines: &[],
     suites: &[],
+    domain: "",
     modules: &[],
     first_pipeline: "",
     examples: &[],

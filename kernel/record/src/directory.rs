@@ -52,6 +52,11 @@ pub const CLIPS: &str = "clips";
 /// The name of the file with one line a block of a recording that a gate had drivers look at.
 pub const BLOCKS: &str = "blocks.jsonl";
 
+/// The name of the layout in which the traces open in Foxglove and Lichtblick: cameras, steering, cross-track error, speed, events.
+pub const LAYOUT: &str = "foxglove.json";
+/// The layout itself.
+pub const LAYOUT_TEXT: &str = include_str!("foxglove.json");
+
 /// Held by the process that writes the record, like the folder itself; the system gives both back however that process ends.
 const LOCK: &str = ".lock";
 /// The folder of the traces.
@@ -73,6 +78,7 @@ pub fn is_own(name: &str) -> bool {
         VERDICT,
         CLIPS,
         BLOCKS,
+        LAYOUT,
         LOCK,
         TRACES,
     ];
@@ -237,13 +243,16 @@ impl RunDirectory {
         Ok(())
     }
 
-    /// The path of a scenario's trace; makes the folder around it.
+    /// The path of a scenario's trace; makes the folder around it, and a layout to look at traces beside it.
     ///
     /// # Errors
-    /// If the folder cannot be made.
+    /// If the folder cannot be made, or the layout cannot be written.
     pub fn trace(&self, scenario: &ScenarioId) -> Result<PathBuf> {
         let folder = self.path.join(TRACES);
-        fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
+        if !folder.is_dir() {
+            fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
+            self.write_text(LAYOUT, LAYOUT_TEXT)?;
+        }
         Ok(self.trace_path(scenario))
     }
 
@@ -296,6 +305,43 @@ fn is_ours(path: &Path) -> Result<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_sdk::prelude::{Control, State};
+    use serde_json::Value;
+
+    /// The panels that a part of a layout shows.
+    fn shown(layout: &Value, all: &mut Vec<String>) {
+        match layout {
+            Value::String(id) => all.push(id.clone()),
+            split => ["first", "second"].iter().for_each(|side| shown(&split[side], all)),
+        }
+    }
+
+    #[test]
+    fn the_layout_shows_each_panel_once_and_fields_that_traces_have() {
+        let layout: Value = serde_json::from_str(LAYOUT_TEXT).unwrap();
+        let mut all = Vec::new();
+        shown(&layout["layout"], &mut all);
+        all.sort();
+        let panels = layout["configById"].as_object().unwrap();
+        let mut known: Vec<&String> = panels.keys().collect();
+        known.sort();
+        assert_eq!(all.iter().collect::<Vec<_>>(), known);
+        let paths: Vec<&str> = panels
+            .values()
+            .filter_map(|panel| panel["paths"].as_array())
+            .flatten()
+            .map(|path| path["value"].as_str().unwrap())
+            .collect();
+        assert_eq!(paths.len(), 4);
+        for path in paths {
+            let has = match path.split_once('.').unwrap() {
+                ("/control", field) => Control::NUMBERS.contains(&field),
+                ("/state", field) => State::NUMBERS.contains(&field),
+                _ => false,
+            };
+            assert!(has, "{path}");
+        }
+    }
 
     #[test]
     fn one_process_writes_and_strangers_files_are_left_alone() {

@@ -48,6 +48,11 @@ pub(crate) fn rounded(difference: f64) -> f64 {
     (difference / ROUNDING).round() * ROUNDING
 }
 
+/// The matched-pairs rank-biserial correlation of differences: see [`Paired::effect_size`]. Differences that are rounding count as zero.
+pub fn effect_size(differences: &[f64]) -> f64 {
+    rank_biserial(&differences.iter().copied().map(rounded).collect::<Vec<_>>())
+}
+
 /// Sums of ranks of the sizes, by sign; equal sizes share their mean rank, and those of zero say nothing.
 fn rank_biserial(differences: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = differences.iter().copied().filter(|difference| *difference != 0.0).collect();
@@ -105,6 +110,7 @@ mod tests {
         // Sizes 1, 2, 2, 4 have ranks 1, 2.5, 2.5, 4; upwards are 2.5 and 4.
         let found = of(&[0.0, 0.2, 0.0, 0.4, 0.5], &[0.1, 0.0, 0.2, 0.0, 0.5]);
         assert!((found.effect_size - (6.5 - 3.5) / 10.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(effect_size(&[-0.1, 0.2, -0.2, 0.4, 1e-12]), found.effect_size);
         assert_eq!(found.roads, 5);
     }
 

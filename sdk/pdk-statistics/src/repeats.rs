@@ -6,8 +6,7 @@
 use crate::drives::Drives;
 use crate::estimate::Estimate;
 use crate::mean;
-
-const SHARE: (f64, f64) = (0.0, 1.0);
+use crate::share::mean_of_shares;
 
 /// How often two drives of the same scenario disagree, as the mean over scenarios that were driven twice or more often. None if none was.
 ///
@@ -15,7 +14,14 @@ const SHARE: (f64, f64) = (0.0, 1.0);
 /// was clear, count the first two.
 pub fn flips(scenarios: &[Drives], confidence: f64) -> Option<Estimate> {
     let found: Vec<f64> = scenarios.iter().filter_map(|drives| flip(*drives)).collect();
-    mean::over_roads(&found, SHARE, confidence)
+    mean_of_shares(&found, confidence)
+}
+
+/// The same of scenarios that two drivers drove, which are the units: a scenario that is on the edge is so for both.
+pub fn flips_of_both(scenarios: &[(Drives, Drives)], confidence: f64) -> Option<Estimate> {
+    let both = |(a, b): &(Drives, Drives)| Some((flip(*a)? + flip(*b)?) / 2.0);
+    let found: Vec<f64> = scenarios.iter().filter_map(both).collect();
+    mean_of_shares(&found, confidence)
 }
 
 /// The share of pairs of a scenario's drives that disagree; none without a pair.
@@ -57,8 +63,8 @@ pub fn apart(units: &[Vec<(Drives, Drives)>], confidence: f64) -> Option<Apart> 
     let found: Vec<[f64; 2]> = units.iter().filter_map(of_unit).collect();
     let column = |of: fn(&[f64; 2]) -> f64| found.iter().map(of).collect::<Vec<f64>>();
     Some(Apart {
-        differ: mean::over_roads(&column(|unit| unit[0]), SHARE, confidence)?,
-        luck: mean::over_roads(&column(|unit| unit[1]), SHARE, confidence)?,
+        differ: mean_of_shares(&column(|unit| unit[0]), confidence)?,
+        luck: mean_of_shares(&column(|unit| unit[1]), confidence)?,
         beyond: mean::over_roads(&column(|unit| unit[0] - unit[1]), (-1.0, 1.0), confidence)?,
         units: found.len(),
     })

@@ -71,14 +71,13 @@ class Record:
         """The lines of the ledger, a dictionary each: scenario and outcome. Checksums and ids are checked."""
         return [json.loads(line) for line in _pdk.ledger(self.path)]
 
-    def scenarios(self) -> pandas.DataFrame:
-        """A row for each scenario, in the order of submission: what it is, and what came of it. Needs pandas.
+    def rows(self) -> list[dict[str, Any]]:
+        """A dictionary for each scenario, in the order of submission: what it is, and what came of it.
 
         Of what a scenario is there are `id`, `name`, `simulator`, `driver`, `road`, its plain fields such as `duration`, `mode`, `seed` and
         `repeat`, and, if it has one perturbation, `perturbation` and `level`; `perturbations` has all of them as texts. The rest is
         the outcome.
         """
-        pandas = _pandas("a record as a frame")
         rows = []
         for line in self.lines():
             scenario = line.pop("scenario")
@@ -112,7 +111,17 @@ class Record:
                     **measures,
                 }
             )
-        return pandas.DataFrame(rows)
+        return rows
+
+    def scenarios(self) -> pandas.DataFrame:
+        """What `rows` has, as a frame. Needs pandas."""
+        return _pandas("a record as a frame").DataFrame(self.rows())
+
+    def to_parquet(self, folder: str | PathLike[str]) -> list[Path]:
+        """Writes scenarios, telemetry and offline results as Parquet to a folder, and returns the files: see `pdk_perturb.parquet`. Needs pyarrow."""
+        from pdk_perturb import parquet
+
+        return parquet.write(self, folder)
 
     def results(self) -> pandas.DataFrame:
         """A row for each frame, perturbation and level of an offline evaluation. Needs pandas."""

@@ -5,6 +5,7 @@
 mod cli;
 mod commands;
 mod documents;
+mod domain;
 mod english;
 mod found;
 mod guide;

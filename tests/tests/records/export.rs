@@ -133,6 +133,49 @@ fn scenarios_are_test_cases() {
 }
 
 #[test]
+fn what_was_driven_of_an_operational_design_domain_is_told() {
+    let folder = temp();
+    let (record, out) = (driven(folder.path()), folder.path().join("out"));
+    assert_eq!(export(&record, "odd", &out), ["odd.json", "odd.html"]);
+    let odd = pdk_tests::process::json_file(&out.join("odd.json"));
+    let row = |list: &str, id: &str| {
+        let rows = odd[list].as_array().unwrap();
+        rows.iter().find(|row| row["id"] == id).unwrap_or_else(|| panic!("{id}")).clone()
+    };
+    let misaligned = row("triggers", "misaligned");
+    assert_eq!((&misaligned["state"], &misaligned["by"][0]), (&"failed".into(), &"translate_image".into()));
+    let of = &misaligned["drivers"][0];
+    assert_eq!(
+        (&of["driver"], &of["scenarios"], &of["roads"]),
+        (&"lane_keeper".into(), &4.into(), &2.into())
+    );
+    assert_eq!(of["driven_to"], 4.0);
+    // What the simulator shows is judged by drives with a clear view alone.
+    let bends = row("attributes", "bends");
+    assert_eq!((&bends["state"], &bends["drivers"][0]["scenarios"]), (&"passed".into(), &2.into()));
+    assert_eq!(row("attributes", "junctions")["state"], "open");
+    let page = fs::read_to_string(out.join("odd.html")).unwrap();
+    assert!(
+        page.contains("It claims no conformity with either standard") && page.contains("translate_image"),
+        "{page}"
+    );
+}
+
+#[test]
+fn the_layout_in_a_record_shows_the_topics_of_its_traces() {
+    let folder = temp();
+    let record = driven(folder.path());
+    let layout = fs::read_to_string(record.join("foxglove.json")).unwrap();
+    let trace = fs::read_dir(record.join("traces")).unwrap().next().unwrap().unwrap().path();
+    let bytes = fs::read(trace).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let topics: Vec<&str> = summary.channels.values().map(|channel| channel.topic.as_str()).collect();
+    for topic in ["/raw", "/perturbed", "/control", "/state", "/event"] {
+        assert!(topics.contains(&topic) && layout.contains(&format!("\"{topic}")), "{topic}: {topics:?}");
+    }
+}
+
+#[test]
 fn an_offline_run_has_its_results() {
     let folder = temp();
     let dataset = folder.path().join("tub");

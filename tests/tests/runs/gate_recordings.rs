@@ -179,6 +179,9 @@ fn a_record_stands_for_its_blocks_or_names_the_driver() {
     let lines = json_lines(&folder.path().join("second/blocks.jsonl"));
     assert!(lines.iter().all(|line| line["scenario"]["driver"]["parameters"]["gain"] == 1.1), "{lines:?}");
     verify(folder.path(), "second").succeed();
+    Pdk::new(["report", "second"])
+        .folder(folder.path())
+        .fail(1, &["is that of a gate on recordings", "blocks.jsonl"]);
     // The record of an offline run names its driver, and has no blocks.
     let offline = r#"pdk.evaluate({ dataset = "drive.mcap", driver = "lane_keeper", perturbations = { "contrast" }, levels = { 1 }, frames = 5 })"#;
     let pipeline = pipeline(folder.path(), offline);

@@ -13,8 +13,9 @@ use pdk_report::{Run, Scenario, figures};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::Value;
 
+use crate::domain::Domain;
 use crate::flat::{self, Fields};
-use crate::{junit, tables, telemetry};
+use crate::{junit, odd, tables, telemetry};
 
 /// What is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +30,8 @@ pub enum Kind {
     Svg,
     /// Scenarios as test cases of JUnit XML.
     Junit,
+    /// What was driven of an operational design domain, as JSON and as a page.
+    Odd,
 }
 
 /// What was written.
@@ -116,6 +119,11 @@ pub fn write(from: &Path, kind: Kind, to: &Path) -> Result<Written> {
             for figure in figures::figures(&run)? {
                 folder.write(&format!("figures/{}.svg", figure.name), figure.svg.as_bytes())?;
             }
+        }
+        Kind::Odd => {
+            let odd = odd::odd(&Domain::of_product()?, &run.folder, &lines, &run.evaluations);
+            folder.write("odd.json", format!("{}\n", serde_json::to_string_pretty(&odd)?).as_bytes())?;
+            folder.write("odd.html", odd::html(&odd)?.as_bytes())?;
         }
         Kind::Junit => {
             if lines.is_empty() {

@@ -6,7 +6,7 @@ use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Result;
 use pdk_statistics::drives::Drives;
-use pdk_statistics::{CONFIDENCE, Estimate, mean, repeats};
+use pdk_statistics::{CONFIDENCE, Estimate, repeats, share};
 use serde::{Deserialize, Serialize};
 
 use crate::step::Step;
@@ -149,15 +149,15 @@ impl Counted {
     /// What follows; none if nothing was repeated.
     pub fn luck(&self) -> Option<Luck> {
         let of = |drives: Vec<Drives>| repeats::flips(&drives, CONFIDENCE).map(Chance::of);
+        let some = |perturbed: bool| self.pairs.iter().filter(move |pair| pair.2 == perturbed);
         let both = |perturbed: bool| {
-            let some = self.pairs.iter().filter(move |pair| pair.2 == perturbed);
-            some.flat_map(|(old, new, _)| [*old, *new]).collect::<Vec<Drives>>()
+            let pairs: Vec<(Drives, Drives)> = some(perturbed).map(|(old, new, _)| (*old, *new)).collect();
+            repeats::flips_of_both(&pairs, CONFIDENCE).map(Chance::of)
         };
         let fails = |perturbed: bool| {
-            let some = self.pairs.iter().filter(|pair| pair.2 == perturbed);
-            let shares: Vec<f64> =
-                some.filter_map(|(old, new, _)| Some((old.share()? + new.share()?) / 2.0)).collect();
-            mean::over_roads(&shares, (0.0, 1.0), CONFIDENCE).map(Chance::of)
+            let share = |(old, new, _): &(Drives, Drives, bool)| Some((old.share()? + new.share()?) / 2.0);
+            let shares: Vec<f64> = some(perturbed).filter_map(share).collect();
+            share::mean_of_shares(&shares, CONFIDENCE).map(Chance::of)
         };
         let units: Vec<Vec<(Drives, Drives)>> =
             self.pairs.iter().map(|(old, new, _)| vec![(*old, *new)]).collect();
@@ -167,8 +167,8 @@ impl Counted {
             unstable: self.unstable,
             old: of(self.pairs.iter().map(|pair| pair.0).collect())?,
             new: of(self.pairs.iter().map(|pair| pair.1).collect())?,
-            clear: of(both(false)),
-            perturbed: of(both(true)),
+            clear: both(false),
+            perturbed: both(true),
             fails_clear: fails(false),
             fails_perturbed: fails(true),
             drivers: Chance::of(apart.differ),

@@ -232,3 +232,95 @@ pub fn json(judged: &Judged) -> Result<serde_json::Value> {
         "verdict": judged.verdict,
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_model::outcome::Cause;
+    use pdk_model::scenario::Scenario;
+    use serde_json::json;
+
+    use crate::came::Steering;
+
+    fn failure(title: &str, cause: Ending) -> NewFailure {
+        let scenario = Scenario::default();
+        NewFailure {
+            title: title.to_owned(),
+            id: scenario.id(),
+            cause,
+            said: "it left the lane after 3 s".to_owned(),
+            record: "runs/my gate".into(),
+            clip: None,
+            scenario,
+        }
+    }
+
+    /// Two requirements, of which the second is in this state.
+    fn judged(passed: bool, state: &str, failures: Vec<NewFailure>) -> Judged {
+        let driver = |named: &str| json!({ "named": named, "component": { "name": "x" }, "files": {} });
+        let verdict = json!({
+            "format": 1, "pdk": "0", "suite": { "name": "small", "version": 2, "named": "small", "blake3": "ab" },
+            "old": driver("old|one"), "new": driver("new_one"), "settled": [], "components": [], "entries": [], "root": "cd",
+            "decision": { "passed": passed, "findings": [
+                { "requirement": "not worse", "state": "met", "said": "fine", "scenarios": 8, "old_failed": 2, "new_failed": 1,
+                  "test": { "difference": -0.125, "low": -0.5, "high": 0.1, "tolerated": 0.2, "alpha": 0.025 } },
+                { "requirement": "no new failure", "state": state, "said": "one", "scenarios": 0, "old_failed": 0, "new_failed": 0 },
+            ] },
+        });
+        Judged {
+            verdict: serde_json::from_value(verdict).unwrap(),
+            failures,
+            drives: (16, 40),
+            known: 0,
+            record: None,
+            speed: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_pull_request_shows_what_was_decided_and_how_to_repeat_what_is_new() {
+        let drive = failure("a*b", Ending::Drive(Cause::LaneDeparture));
+        let text = markdown(&judged(false, "not_met", vec![drive.clone()]));
+        let first = "### ❌ pdk gate failed: new\\_one against old\\|one in suite small version 2, decided after 16 of at most 40 drives";
+        assert_eq!(text.lines().next(), Some(first));
+        assert!(
+            text.contains("| not worse | met | 8 | 2 (25 %) | 1 (12 %) | -0.12 (-0.50 to +0.10) | fine |"),
+            "{text}"
+        );
+        // No share of no scenario.
+        assert!(text.contains("| no new failure | not met | 0 |  |  |  | one |"), "{text}");
+        assert!(text.contains("- a\\*b: it left the lane after 3 s"), "{text}");
+        assert!(text.contains(&format!("pdk replay 'runs/my gate' --scenario {}", drive.id)), "{text}");
+        assert!(text.ends_with("Verdict: `cd`\n"), "{text}");
+        assert!(markdown(&judged(true, "met", Vec::new())).starts_with("### ✅ pdk gate passed: "));
+    }
+
+    #[test]
+    fn a_block_is_repeated_by_its_verdict() {
+        let block = failure("b", Ending::Block(Steering::Off));
+        assert_eq!(replay(&block), format!("pdk verify 'runs/my gate' --scenario {}", block.id));
+    }
+
+    #[test]
+    fn many_new_failures_are_counted() {
+        let all =
+            |count| failures(&judged(false, "met", vec![failure("b", Ending::Block(Steering::Off)); count]));
+        assert_eq!(all(MOST).len(), MOST);
+        let lines = all(MOST + 3);
+        assert_eq!((lines.len(), lines.last().unwrap().as_str()), (MOST + 1, "and 3 more"));
+    }
+
+    #[test]
+    fn what_is_undecided_is_a_failed_test_case_only_if_the_gate_failed() {
+        let cases = |passed| junit(&judged(passed, "undecided", Vec::new())).unwrap();
+        assert!(cases(false).contains("tests=\"2\" failures=\"1\""), "{}", cases(false));
+        assert!(cases(true).contains("tests=\"2\" failures=\"0\""), "{}", cases(true));
+        // Each of two tests has a half of the error.
+        let mut both = judged(true, "met", Vec::new());
+        let findings = &mut both.verdict.decision.findings;
+        findings[1].test = findings[0].test;
+        let told = explanation(&both).unwrap();
+        assert!(told.contains("97.5 %") && told.ends_with("2 tests share an error of 0.050"), "{told}");
+    }
+}

@@ -24,19 +24,23 @@ const WIDEST: u32 = 960;
 /// Frames are shown no higher than this.
 const TALLEST: u32 = 960;
 
-const MARGIN: u32 = 12;
+/// Pixels around what is shown.
+pub const MARGIN: u32 = 12;
 /// Height of the line above the frames.
 const HEADER: u32 = LINE_HEIGHT + 8;
 /// Thickness of the mark around the frames of a failure.
 const MARK: u32 = 6;
 /// Seconds before its end in which a failure is marked.
-const MARKED_SECONDS: f64 = 1.0;
+pub const MARKED_SECONDS: f64 = 1.0;
 /// Seconds for which the last frame of a failure stays.
-const HELD_SECONDS: f64 = 1.0;
+pub const HELD_SECONDS: f64 = 1.0;
 
-const BACKGROUND: Rgb<u8> = Rgb([24, 26, 30]);
-const INK: Rgb<u8> = Rgb([228, 231, 235]);
-const FAILURE: Rgb<u8> = Rgb([214, 48, 49]);
+/// Behind everything.
+pub const BACKGROUND: Rgb<u8> = Rgb([24, 26, 30]);
+/// Of texts.
+pub const INK: Rgb<u8> = Rgb([228, 231, 235]);
+/// Of what failed.
+pub const FAILURE: Rgb<u8> = Rgb([214, 48, 49]);
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 /// A video in the making.
@@ -60,20 +64,20 @@ struct Film {
 
 /// Where things are, in pixels.
 #[derive(Clone, Copy)]
-struct Layout {
+pub struct Layout {
     /// Size of a shown frame.
-    shown: (u32, u32),
+    pub shown: (u32, u32),
     /// How many times it is enlarged; 0 if it is reduced.
     factor: u32,
     /// How many frames stand side by side.
     panels: u32,
     /// Size of the video.
-    size: (u32, u32),
+    pub size: (u32, u32),
 }
 
 impl Layout {
     /// The layout for this many frames of this size side by side.
-    fn new(width: u32, height: u32, panels: u32) -> Self {
+    pub fn new(width: u32, height: u32, panels: u32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let (shown, factor) = if width > WIDEST || height > TALLEST {
             let scale = (f64::from(WIDEST) / f64::from(width)).min(f64::from(TALLEST) / f64::from(height));
@@ -90,60 +94,94 @@ impl Layout {
     }
 
     /// The left edge of a frame.
-    fn left(&self, panel: u32) -> u32 {
+    pub fn left(&self, panel: u32) -> u32 {
         MARGIN + panel * (MARGIN + self.shown.0)
     }
 
     /// The top of the text below the frames.
-    fn text(&self) -> u32 {
+    pub fn text(&self) -> u32 {
         HEADER + self.shown.1 + MARGIN / 2
     }
 }
 
-/// Writes a video of a scenario that was driven again, from its new trace, in which every frame has its images. If it failed,
-/// the frames of the last second are marked and the very last one stays for a second. Nothing is there until it is complete.
+/// The frames of a scenario that was driven again, from its new trace, in which every frame has its images.
+pub struct Frames<'a> {
+    path: &'a Path,
+    reader: TraceReader,
+    step: Option<Step>,
+    raw: Option<FrameBuf>,
+    attention: Option<FrameBuf>,
+}
+
+impl<'a> Frames<'a> {
+    /// Opens a trace.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn open(path: &'a Path) -> Result<Self> {
+        Ok(Self { path, reader: TraceReader::open(path)?, step: None, raw: None, attention: None })
+    }
+
+    /// The next step with its pictures: what the camera saw, what the driver saw, and what its network looked at where that was recorded. None
+    /// after the last.
+    ///
+    /// # Errors
+    /// If the trace is damaged, or a step has no pictures.
+    pub fn next(&mut self) -> Result<Option<(Step, Vec<FrameBuf>)>> {
+        let path = self.path;
+        let incomplete = |step: &Step| {
+            Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, path.display()))
+        };
+        for entry in self.reader.by_ref() {
+            match entry? {
+                Entry::Step(next) => {
+                    if let Some(before) = self.step.replace(next) {
+                        return Err(incomplete(&before));
+                    }
+                }
+                Entry::Image(image) if image.topic == ImageTopic::Raw => self.raw = Some(image.decode()?),
+                Entry::Image(image) if image.topic == ImageTopic::Attention => {
+                    self.attention = Some(image.decode()?);
+                }
+                Entry::Image(image) => {
+                    let (Some(step), Some(raw)) = (self.step.take(), self.raw.take()) else { continue };
+                    let pictures = [raw, image.decode()?].into_iter().chain(self.attention.take()).collect();
+                    return Ok(Some((step, pictures)));
+                }
+                Entry::Event(_) | Entry::Road(_) => {}
+            }
+        }
+        self.step.as_ref().map_or(Ok(None), |step| Err(incomplete(step)))
+    }
+}
+
+/// The error of a scenario that left no frames for a video.
+pub fn nothing_to_see(path: &Path, recorded: &Recorded, outcome: &Outcome) -> Error {
+    let error = outcome.error.as_deref().unwrap_or("it has no frames");
+    let (number, path) = (recorded.number, path.display());
+    Error::new(format!("there is nothing to see of scenario {number} for {path}: {error}"))
+}
+
+/// Writes a video of a scenario that was driven again. If it failed, the frames of the last second are marked and the very last one stays
+/// for a second. Nothing is there until it is complete.
 ///
 /// # Errors
 /// If there are no frames, or the video cannot be written.
 pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> Result<()> {
     let steps = read_steps(trace)?;
-    let incomplete = |step: &Step| {
-        Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, trace.display()))
-    };
+    let mut frames = Frames::open(trace)?;
     let mut film: Option<Film> = None;
-    let (mut step, mut raw, mut attention): (Option<Step>, Option<FrameBuf>, Option<FrameBuf>) =
-        (None, None, None);
-    for entry in TraceReader::open(trace)? {
-        match entry? {
-            Entry::Step(next) => {
-                if let Some(before) = step.replace(next) {
-                    return Err(incomplete(&before));
-                }
-            }
-            Entry::Image(image) if image.topic == ImageTopic::Raw => raw = Some(image.decode()?),
-            Entry::Image(image) if image.topic == ImageTopic::Attention => attention = Some(image.decode()?),
-            Entry::Image(image) => {
-                let (Some(step), Some(raw)) = (step.take(), raw.take()) else { continue };
-                let pictures: Vec<FrameBuf> =
-                    [raw, image.decode()?].into_iter().chain(attention.take()).collect();
-                if film.is_none() {
-                    film = Some(Film::start(path, recorded, driven, &steps, &pictures)?);
-                }
-                if let Some(film) = &mut film {
-                    film.step(&step, &pictures)?;
-                }
-            }
-            Entry::Event(_) | Entry::Road(_) => {}
+    while let Some((step, pictures)) = frames.next()? {
+        if film.is_none() {
+            film = Some(Film::start(path, recorded, driven, &steps, &pictures)?);
+        }
+        if let Some(film) = &mut film {
+            film.step(&step, &pictures)?;
         }
     }
-    match (film, step) {
-        (_, Some(step)) => Err(incomplete(&step)),
-        (Some(film), None) => film.finish(&driven.outcome),
-        (None, None) => {
-            let error = driven.outcome.error.as_deref().unwrap_or("it has no frames");
-            let (number, path) = (recorded.number, path.display());
-            Err(Error::new(format!("there is nothing to see of scenario {number} for {path}: {error}")))
-        }
+    match film {
+        Some(film) => film.finish(&driven.outcome),
+        None => Err(nothing_to_see(path, recorded, &driven.outcome)),
     }
 }
 
@@ -250,7 +288,8 @@ impl Film {
             // Half a millisecond allows for times that are sums of rounded frame times.
             Some((end, cause)) if time >= end - MARKED_SECONDS - 0.0005 => {
                 let mut picture = self.last.clone();
-                self.layout.mark(&mut picture, &announced(cause, end - time));
+                (0..self.layout.panels).for_each(|panel| self.layout.mark(&mut picture, panel));
+                self.layout.tell(&mut picture, 1, &announced(cause, end - time), FAILURE);
                 self.writer.push(Frame::new(&picture, width, height).map_err(Error::new)?)
             }
             _ => self.writer.push(Frame::new(&self.last, width, height).map_err(Error::new)?),
@@ -277,7 +316,7 @@ impl Film {
 
 impl Layout {
     /// Shows a frame with its left edge there.
-    fn show(&self, picture: &mut RgbImage, left: u32, frame: Frame<'_>) {
+    pub fn show(&self, picture: &mut RgbImage, left: u32, frame: Frame<'_>) {
         let (width, height) = (frame.width() as u32, frame.height() as u32);
         if self.factor == 0 {
             // Frames that the loop delivers have no gaps between their rows.
@@ -307,23 +346,27 @@ impl Layout {
         }
     }
 
-    /// Marks a picture of the last moments before a failure.
-    fn mark(&self, picture: &mut RgbImage, text: &str) {
+    /// Marks a frame of the last moments before a failure.
+    pub fn mark(&self, picture: &mut RgbImage, panel: u32) {
         let (width, height) = self.shown;
-        for left in (0..self.panels).map(|panel| self.left(panel)) {
-            fill(picture, [left, HEADER], [width, MARK], FAILURE);
-            fill(picture, [left, HEADER + height - MARK], [width, MARK], FAILURE);
-            fill(picture, [left, HEADER], [MARK, height], FAILURE);
-            fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
-        }
+        let left = self.left(panel);
+        fill(picture, [left, HEADER], [width, MARK], FAILURE);
+        fill(picture, [left, HEADER + height - MARK], [width, MARK], FAILURE);
+        fill(picture, [left, HEADER], [MARK, height], FAILURE);
+        fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
+    }
+
+    /// Writes at the lower edge of a frame how it ends.
+    pub fn tell(&self, picture: &mut RgbImage, panel: u32, text: &str, color: Rgb<u8>) {
+        let (width, height) = self.shown;
         let bottom = HEADER + height - MARK - LINE_HEIGHT - 4;
-        fill(picture, [self.left(1), bottom], [width, LINE_HEIGHT + 4], FAILURE);
-        draw_in(picture, self.left(1) + MARGIN, bottom + 2, text, WHITE);
+        fill(picture, [self.left(panel), bottom], [width, LINE_HEIGHT + 4], color);
+        draw_in(picture, self.left(panel) + MARGIN, bottom + 2, text, WHITE);
     }
 }
 
 /// What the mark says this many seconds before a failure, such as "lane departure in 0.8 s"; the cause alone once it has happened.
-fn announced(cause: &str, seconds: f64) -> String {
+pub fn announced(cause: &str, seconds: f64) -> String {
     // Less is "in 0.0 s", which is now.
     match seconds < 0.05 {
         true => cause.to_owned(),

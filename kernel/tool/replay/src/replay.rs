@@ -23,6 +23,7 @@ use pdk_session::session::{Reply, Session, Ticket};
 
 use crate::clip::film;
 use crate::compare::{Compared, Finding, compare};
+use crate::pair::{self, Taken};
 use crate::parts::{self, Further};
 use crate::recorded::{Recorded, select};
 use crate::shrink::{self, Shrunk};
@@ -144,7 +145,7 @@ impl Replay {
         names.into_iter().filter(own).map(said).collect()
     }
 
-    /// Drives the scenarios again and compares; `film` is the video to write of the one scenario that there is then. The session
+    /// Drives the scenarios again and compares; `film` is the video to write of the one or two scenarios that there are then. The session
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
     /// # Errors
@@ -310,13 +311,18 @@ impl Driving<'_> {
         }
         let mut tick = |frames: u64| progress.set_position(frames - before.0);
         let among = tickets.keys().copied().collect();
+        let mut beside: Vec<(&Recorded, Box<Driven>)> = Vec::new();
         while let Some((ticket, answer)) = self.session.next(&among, &mut tick)? {
             let Some(recorded) = tickets.remove(&ticket) else { continue };
             let Reply::Driven(driven) = answer? else {
                 return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
             };
             compared.push(self.compare(recorded, &driven)?);
+            if self.shows_two() {
+                beside.push((recorded, driven));
+            }
         }
+        self.film_beside(beside)?;
         compared.sort_by_key(|compared| compared.number);
         let performance = self.session.performance();
         Ok(Replayed {
@@ -325,6 +331,29 @@ impl Driving<'_> {
             wall_seconds: performance.wall_seconds - before.1.wall_seconds,
             warnings: performance.noticed().collect(),
         })
+    }
+
+    /// Whether the film shows two scenarios beside each other.
+    fn shows_two(&self) -> bool {
+        self.film.is_some() && self.replay.scenarios.len() == 2
+    }
+
+    /// Films two scenarios beside each other, in the order of their numbers.
+    fn film_beside(&self, mut beside: Vec<(&Recorded, Box<Driven>)>) -> Result<()> {
+        beside.sort_by_key(|(recorded, _)| recorded.number);
+        let traces: Vec<PathBuf> = beside.iter().map(|(recorded, _)| self.new_trace(recorded)).collect();
+        let taken: Vec<Taken<'_>> = beside
+            .iter()
+            .zip(&traces)
+            .map(|((recorded, driven), trace)| Taken { recorded, driven, trace })
+            .collect();
+        match (self.film, taken.as_slice()) {
+            (Some(Film { path, .. }), [first, second]) => pair::film(path, [first, second]),
+            (Some(_), _) if self.shows_two() => Err(Error::new(
+                "a scenario cannot be compared with its record, so there is nothing to put beside the other one; choose one with --scenario N",
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// The saliency method that shows in the film what a driver looks at; none if the film shows no such thing.
@@ -358,8 +387,11 @@ impl Driving<'_> {
             )));
         }
         let again = read_steps(&path)?;
-        if let Some(Film { path: clip, .. }) = self.film {
-            film(clip, recorded, driven, &path)?;
+        match self.film {
+            // The trace is needed until the other one is there.
+            Some(_) if self.shows_two() => return compare(recorded, &steps, &driven.outcome, &again),
+            Some(Film { path: clip, .. }) => film(clip, recorded, driven, &path)?,
+            None => {}
         }
         // What is compared is not needed any more, and traces of many scenarios may be more than the disk has room for.
         std::fs::remove_file(&path).place(path.display())?;

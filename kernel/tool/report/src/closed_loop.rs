@@ -2,6 +2,7 @@
 
 mod curves;
 pub mod failing;
+mod luck;
 mod maps;
 #[cfg(test)]
 mod tests;
@@ -13,6 +14,7 @@ use pdk_sdk::error::Result;
 use serde::Serialize;
 
 use crate::closed_loop::curves::curves;
+use crate::closed_loop::luck::Luck;
 use crate::closed_loop::maps::{grids, largest_error};
 pub use crate::closed_loop::verdict::verdict;
 use crate::color::{ORDERED, Rgb};
@@ -41,6 +43,7 @@ pub struct Section {
     pub failed: Grid,
     pub error: Grid,
     pub conclusions: Conclusions,
+    luck: Option<Luck>,
     pub curves: Vec<Chart>,
     pub roads: Vec<Picture>,
     /// The sentence about roads without a picture.
@@ -165,6 +168,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         failed,
         error,
         conclusions: conclusions(drive),
+        luck: luck::luck(drive),
         curves: if all_failed > 0 { curves(drive, &order, &chosen, end)? } else { Vec::new() },
         roads,
         road_note,

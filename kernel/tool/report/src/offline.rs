@@ -1,6 +1,8 @@
 //! What perturbations do to predictions on a recording.
 
+pub mod compare;
 pub mod picture;
+pub mod verdict;
 
 use std::collections::HashMap;
 
@@ -10,14 +12,11 @@ use serde::Serialize;
 use crate::color::{Hue, LINES, NOMINAL};
 use crate::curve::{Axes, Chart, Curve, chart};
 use crate::heat::{self, Cell, Columns, Entry, Grid, Ramp};
-use crate::text::{self, count, number, was};
+use crate::text::{self, number};
 use crate::view::{Evaluation, EvaluationCell};
 
 /// Perturbations that have a curve of their own.
 const CURVES: usize = 7;
-
-/// With fewer frames a constant is hard to beat.
-const FEWEST: usize = 30;
 
 /// What the page says about an evaluation.
 #[derive(Debug, Serialize)]
@@ -100,64 +99,6 @@ impl Scale {
             levels: (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max)),
         }
     }
-}
-
-/// The sentences on top of the page; of several evaluations they name the driver.
-pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> {
-    let bad = match evaluation.bad_frames.len() {
-        0 => String::new(),
-        bad => format!(" ({} left out)", was(bad, "frame")),
-    };
-    let perturbations = by_severity(evaluation).len();
-    let off = match evaluation.original_error.is_nan() {
-        true => "no steering was recorded to compare with".to_owned(),
-        false => {
-            format!(
-                "without perturbation the steering is off by {} on average",
-                number(evaluation.original_error)
-            )
-        }
-    };
-    let with = match is_one_of_several && !evaluation.driver.is_empty() {
-        true => format!("With {}, ", evaluation.driver),
-        false => String::new(),
-    };
-    let first = format!(
-        "{with}{} evaluated under {}{bad}; {off}.",
-        was(evaluation.frames, "frame"),
-        count(perturbations, "perturbation"),
-    );
-    let the = if with.is_empty() { "The" } else { "the" };
-    let worst = evaluation.cells.iter().max_by(|a, b| a.harm().total_cmp(&b.harm()));
-    let second = worst.map(|worst| {
-        let times = worst.error / evaluation.original_error;
-        let times = match times.is_finite() && times >= 1.0 {
-            true => format!(", {times:.1} times as much as without"),
-            false => String::new(),
-        };
-        let interval = if worst.error.is_nan() { worst.drift_interval } else { worst.error_interval };
-        let interval = interval.filter(|(low, high)| low.is_finite() && high.is_finite());
-        let sure = interval
-            .map_or_else(String::new, |(low, high)| format!(" (95 %: {} to {})", number(low), number(high)));
-        format!(
-            "{with}{the} worst perturbation is {}: at level {} the steering {} {}{sure}{times}.",
-            worst.perturbation,
-            text::short(worst.level),
-            if worst.error.is_nan() { "drifts by" } else { "is off by" },
-            number(worst.harm())
-        )
-    });
-    let worse = evaluation.frames >= FEWEST && evaluation.original_error > evaluation.constant_error;
-    let worthless = worse.then(|| {
-        format!(
-            "{with}{the} driver is worse than a constant on the frames as they are ({} against {} on average), so what perturbations do to it \
-             says nothing.",
-            number(evaluation.original_error),
-            number(evaluation.constant_error)
-        )
-    });
-    // What breaks it comes before what was done.
-    worthless.into_iter().chain(second).chain([first]).collect()
 }
 
 /// All that the page says about an evaluation.
@@ -304,6 +245,7 @@ fn curves(evaluation: &Evaluation, order: &[String], scale: &Scale) -> Result<Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::offline::verdict::verdict;
 
     fn evaluation() -> Evaluation {
         let cell = |name: &str, level: f64, error: f64| EvaluationCell {
@@ -357,13 +299,13 @@ mod tests {
             section.error.rows[row].cells[column].as_ref().unwrap().shade
         };
         assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
-        let sentences = verdict(&second, true);
+        let sentences = verdict(&[first, second]);
         assert!(
-            sentences[1].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
+            sentences[3].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
             "{sentences:?}"
         );
         assert!(
-            sentences[0].starts_with("With onnx (model=b.onnx), the worst perturbation is rain: at level 4"),
+            sentences[1].starts_with("With onnx (model=b.onnx), the worst perturbation is rain: at level 4"),
             "{sentences:?}"
         );
     }
@@ -371,7 +313,7 @@ mod tests {
     #[test]
     fn two_sentences_say_what_came_out() {
         assert_eq!(
-            verdict(&evaluation(), false),
+            verdict(&[evaluation()]),
             [
                 "The worst perturbation is rain: at level 4 the steering is off by 0.400, 4.0 times as much as without.",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
@@ -384,7 +326,7 @@ mod tests {
     fn a_driver_that_is_worse_than_a_constant_is_named_first() {
         let evaluation = Evaluation { frames: 40, constant_error: 0.05, ..evaluation() };
         assert_eq!(
-            verdict(&evaluation, false)[0],
+            verdict(std::slice::from_ref(&evaluation))[0],
             "The driver is worse than a constant on the frames as they are (0.100 against 0.050 on average), so what perturbations do to \
              it says nothing."
         );
@@ -411,7 +353,7 @@ mod tests {
         evaluation.original_error = f64::NAN;
         evaluation.cells.iter_mut().for_each(|cell| cell.error = f64::NAN);
         assert_eq!(
-            verdict(&evaluation, false),
+            verdict(std::slice::from_ref(&evaluation)),
             [
                 "The worst perturbation is rain: at level 4 the steering drifts by 0.200 (95 %: 0.100 to 0.400).",
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); no steering was recorded to compare \

@@ -30,11 +30,12 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 11] = [
+const TEMPLATES: [(&str, &str); 12] = [
     ("page.html", include_str!("template/page.html")),
     ("overview.html", include_str!("template/overview.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
     ("compare.html", include_str!("template/compare.html")),
+    ("offline_compare.html", include_str!("template/offline_compare.html")),
     ("search.html", include_str!("template/search.html")),
     ("strategies.html", include_str!("template/strategies.html")),
     ("parts.html", include_str!("template/parts.html")),
@@ -62,8 +63,7 @@ pub fn render(run: &Run) -> Result<String> {
         .map(|evaluation| offline::section(evaluation, &scale))
         .collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
-    let several = run.evaluations.len() > 1;
-    verdict.extend(run.evaluations.iter().flat_map(|evaluation| offline::verdict(evaluation, several)));
+    verdict.extend(offline::verdict::verdict(&run.evaluations));
     verdict.extend(run.tasks.iter().map(tasks::verdict));
     verdict.extend(run.searches.iter().flat_map(search::verdict));
     let comparisons = strategies::comparisons(&run.searches)?;
@@ -77,6 +77,10 @@ pub fn render(run: &Run) -> Result<String> {
     let pairs: Vec<_> = compare::pairs(&run.drives)
         .into_iter()
         .filter_map(|(base, other)| compare::comparison(base, other))
+        .collect();
+    let offline_pairs: Vec<_> = offline::compare::pairs(&run.evaluations)
+        .into_iter()
+        .filter_map(|(base, other)| offline::compare::comparison(base, other))
         .collect();
     // A few drives fit into one picture, many into a table.
     let (failing, overview) = match run.drives.len() {
@@ -98,6 +102,7 @@ pub fn render(run: &Run) -> Result<String> {
         tasks => run.tasks.iter().map(tasks::section).collect::<Vec<_>>(),
         comparisons,
         pairs,
+        offline_pairs,
         others => run.others,
         searches,
         setup,
@@ -208,6 +213,7 @@ mod tests {
             max_error: 1.5,
             road_id: nasty(),
             seed: 0,
+            repeat: 0,
             measures: Some(Measures { over_line_seconds: 0.75, ..Measures::default() }),
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
             unreadable: nasty(),

@@ -100,6 +100,10 @@ pub fn tables(run: &Run) -> Result<Vec<Table>> {
         tables.push(of_grid(&format!("steering-drift{suffix}"), &drift, &section.drift));
         tables.push(intervals(evaluation, &suffix, &of));
     }
+    let pairs = offline::compare::pairs(&run.evaluations);
+    for (place, (base, other)) in pairs.iter().enumerate() {
+        tables.extend(compared_offline(base, other, &suffix(place, pairs.len())));
+    }
     for (place, task) in run.tasks.iter().enumerate() {
         let (section, suffix) = (tasks::section(task), suffix(place, run.tasks.len()));
         for (number, (name, grid)) in section.grids.iter().enumerate() {
@@ -251,6 +255,46 @@ fn compared(base: &Drive, other: &Drive, suffix: &str) -> Option<Table> {
             "effect size",
             "p",
             "roads",
+        ]),
+        rows: found.rows.iter().map(row).collect(),
+    })
+}
+
+/// By how much the errors of two drivers on the same frames differ; none if they have no frame in common.
+fn compared_offline(base: &Evaluation, other: &Evaluation, suffix: &str) -> Option<Table> {
+    let found = offline::compare::comparison(base, other)?;
+    let signed = |value: f64| format!("{value:+.3}");
+    let finite = |end: f64| Cell::known(Some(end).filter(|end| end.is_finite()), signed);
+    let row = |row: &offline::compare::Row| {
+        let figures = &row.figures;
+        vec![
+            Cell::text(&row.perturbation),
+            Cell::number(figures.base, number),
+            Cell::number(figures.other, number),
+            Cell::number(figures.difference.value, signed),
+            finite(figures.difference.low),
+            finite(figures.difference.high),
+            Cell::number(figures.effect_size, number),
+            Cell::number(figures.worse, percent),
+            Cell::count(figures.frames),
+        ]
+    };
+    Some(Table {
+        name: format!("steering-compared{suffix}"),
+        title: format!(
+            "Mean absolute {} of {} and {} on the same frames, with intervals of 95 %",
+            found.measure, found.base, found.other
+        ),
+        columns: columns(&[
+            "perturbation",
+            "base",
+            "other",
+            "difference",
+            "low",
+            "high",
+            "effect size",
+            "other further off",
+            "frames",
         ]),
         rows: found.rows.iter().map(row).collect(),
     })

@@ -121,6 +121,8 @@ pub struct Scenario {
     pub road_id: String,
     /// The seed of all that was drawn: on the same road, drives with the same one had the same luck.
     pub seed: u64,
+    /// Which drive of the same scenario it is.
+    pub repeat: u64,
     /// What it says about the driver.
     pub verdict: Verdict,
     /// How it ended, such as "lane departure".
@@ -213,6 +215,9 @@ pub struct EvaluationCell {
     pub error_interval: Option<(f64, f64)>,
     /// Where the drift may lie.
     pub drift_interval: Option<(f64, f64)>,
+    /// The error on each frame, by its number; the drift if no steering was recorded.
+    #[serde(skip)]
+    pub frames: Vec<(usize, f64)>,
 }
 
 /// The steering on one frame.

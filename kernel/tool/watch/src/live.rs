@@ -7,23 +7,17 @@ use image::{ImageFormat, RgbImage};
 use pdk_bus::{Message, SlotTopics, Tap, Topic};
 use pdk_loop::announced::Announced;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sdk::prelude::{Control, State};
 use serde_json::{Value, json};
 
-/// Points of a scenario that are kept; a drive of ten minutes at three points a second has fewer.
-const MOST_POINTS: usize = 2000;
+use crate::drive::{Drive, road};
+use crate::query::Has;
+
 /// How long a topic is waited for: it is there if its loop lives.
 const OPEN: Duration = Duration::from_millis(200);
 /// A browser that has not asked for this long is gone.
 const ASKED: Duration = Duration::from_secs(2);
 /// How often runs are looked for.
 const LOOK: Duration = Duration::from_millis(500);
-
-/// A moment of a drive.
-struct Point {
-    state: State,
-    control: Option<Control>,
-}
 
 /// The topics of a loop that writes a certain record.
 pub struct Live {
@@ -40,10 +34,18 @@ struct Tapped {
     run: String,
     slot: u32,
     taps: [Tap; 4],
-    scenario: Option<u64>,
-    points: Vec<Point>,
-    /// The newest frame as the camera and as the driver saw it, as a picture.
-    frames: [Option<(u32, u32, Vec<u8>)>; 2],
+    drive: Drive,
+    /// The newest frame as the camera and as the driver saw it.
+    frames: [Option<Seen>; 2],
+}
+
+/// A frame.
+struct Seen {
+    /// Its number on its topic, over all scenarios.
+    number: u64,
+    width: u32,
+    height: u32,
+    pixels: Vec<u8>,
 }
 
 impl Live {
@@ -88,8 +90,8 @@ impl Live {
         !self.slots.is_empty()
     }
 
-    /// What is driven, as JSON.
-    pub fn told(&self) -> Value {
+    /// What is driven, as JSON: of its course what a browser lacks.
+    pub fn told(&self, has: Option<Has>) -> Value {
         let slots: Vec<_> = self
             .slots
             .iter()
@@ -100,14 +102,25 @@ impl Live {
             .slots
             .iter()
             .find(|(run, slot, announced)| {
-                *run == tapped.run && slot.slot == tapped.slot && Some(announced.number) == tapped.scenario
+                *run == tapped.run
+                    && slot.slot == tapped.slot
+                    && Some(announced.number) == tapped.drive.scenario
             })
             .map(|(_, _, announced)| announced);
-        let points: Vec<_> = tapped.points.iter().map(|point| numbers(&point.state, point.control)).collect();
+        let (from, points) = tapped.drive.since(has);
+        // The road is that of the whole drive.
+        let road = announced.filter(|_| from == 0).map(|announced| road(&announced.road));
         json!({
-            "slots": slots, "slot": tapped.slot, "name": announced.map(|announced| &announced.name),
-            "road": announced.map(|announced| road(&announced.road)), "points": points,
+            "slots": slots, "slot": tapped.slot, "name": announced.map(|announced| &announced.name), "road": road,
+            "drive": tapped.drive.generation, "from": from, "points": points,
         })
+    }
+
+    /// What tells the newest frame from those before it; none if none has come.
+    pub fn tag(&self, perturbed: bool) -> Option<String> {
+        let tapped = self.tapped.as_ref()?;
+        let seen = tapped.frames[usize::from(perturbed)].as_ref()?;
+        Some(format!("\"{}-{}-{}\"", tapped.run, tapped.slot, seen.number))
     }
 
     /// The newest frame as a picture; none if none has come.
@@ -115,31 +128,20 @@ impl Live {
     /// # Errors
     /// If it cannot be encoded.
     pub fn frame(&self, perturbed: bool) -> Result<Option<Vec<u8>>> {
-        let Some((width, height, pixels)) =
-            self.tapped.as_ref().and_then(|tapped| tapped.frames[usize::from(perturbed)].as_ref())
-        else {
-            return Ok(None);
-        };
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        let picture = RgbImage::from_raw(*width, *height, pixels.clone())
-            .ok_or_else(|| Error::new("a frame is not of the size that its header has"))?;
-        // Not compressed: that costs less than a JPEG, and shows the very pixels.
-        picture.write_to(&mut bytes, ImageFormat::Bmp).place("cannot encode a frame")?;
-        Ok(Some(bytes.into_inner()))
+        let seen = self.tapped.as_ref().and_then(|tapped| tapped.frames[usize::from(perturbed)].as_ref());
+        seen.map(Seen::picture).transpose()
     }
 }
 
-/// A moment as the page draws it: time, x, z, cross-track error, steering, speed, progress.
-pub fn numbers(state: &State, control: Option<Control>) -> Value {
-    let [x, _, z] = state.position;
-    let steering = control.map(|control| control.steering);
-    json!([state.time, x, z, state.cross_track_error, steering, state.speed, state.progress])
-}
-
-/// A centre line as points of x and z; nothing if it cannot be read.
-pub fn road(waypoints: &str) -> Value {
-    let points = pdk_road::parse(waypoints).unwrap_or_default();
-    points.into_iter().map(|[x, _, z]| json!([x, z])).collect()
+impl Seen {
+    fn picture(&self) -> Result<Vec<u8>> {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let picture = RgbImage::from_raw(self.width, self.height, self.pixels.clone())
+            .ok_or_else(|| Error::new("a frame is not of the size that its header has"))?;
+        // Not compressed: that costs less than a JPEG, and shows the very pixels.
+        picture.write_to(&mut bytes, ImageFormat::Bmp).place("cannot encode a frame")?;
+        Ok(bytes.into_inner())
+    }
 }
 
 /// The record that a loop writes.
@@ -191,8 +193,7 @@ impl Tapped {
             run: run.to_owned(),
             slot,
             taps: [raw, perturbed, control, state],
-            scenario: None,
-            points: Vec::new(),
+            drive: Drive::default(),
             frames: [None, None],
         }))
     }
@@ -208,28 +209,40 @@ impl Tapped {
                 match message {
                     Message::Control(header, control) => controls.push((header.sequence, control)),
                     Message::State(header, state) => {
-                        if self.scenario.replace(header.scenario) != Some(header.scenario) {
-                            self.points.clear();
-                        }
                         let control = controls.iter().find(|(sequence, _)| *sequence == header.sequence);
-                        self.points.push(Point { state, control: control.map(|(_, control)| *control) });
+                        self.drive.add(header.scenario, state, control.map(|(_, control)| *control));
                     }
                     Message::Frame(frame) => newest = Some(frame),
                 }
             }
             if let Some(frame) = newest {
                 let header = frame.header();
-                self.frames[place] = Some((header.width, header.height, frame.to_vec()));
+                let (number, width, height) = (header.number, header.width, header.height);
+                self.frames[place] = Some(Seen { number, width, height, pixels: frame.to_vec() });
             }
         }
-        if self.points.len() > MOST_POINTS {
-            // Every second one tells the same.
-            let mut odd = false;
-            self.points.retain(|_| {
-                odd = !odd;
-                odd
-            });
-        }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_a_picture_of_its_pixels() {
+        let seen = Seen { number: 7, width: 2, height: 1, pixels: vec![1, 2, 3, 4, 5, 6] };
+        let picture = image::load_from_memory(&seen.picture().unwrap()).unwrap().to_rgb8();
+        assert_eq!((picture.dimensions(), picture.into_raw()), ((2, 1), vec![1, 2, 3, 4, 5, 6]));
+        assert!(Seen { width: 3, ..seen }.picture().is_err());
+    }
+
+    #[test]
+    fn without_a_loop_nothing_is_under_way() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut live = Live::new(folder.path().to_owned());
+        live.look(None).unwrap();
+        assert!(!live.is_under_way() && live.tag(true).is_none() && live.frame(false).unwrap().is_none());
+        assert_eq!(live.told(None), json!({ "slots": [] }));
     }
 }

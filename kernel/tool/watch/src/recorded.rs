@@ -14,12 +14,15 @@ use pdk_sdk::file;
 use pdk_terminal::shell;
 use serde_json::{Value, json};
 
-use crate::live;
+use crate::drive;
+use crate::query::{Has, known};
 
 /// A run that has not noted its progress for this long is not under way.
 const SILENT: Duration = Duration::from_secs(5);
 /// Bytes of a clip that is shown.
 const LARGEST_CLIP: u64 = 1 << 30;
+/// What stands before and behind the number in the name of a clip.
+const CLIP: (&str, &str) = ("scenario-", ".mp4");
 /// Bytes of the note of the progress.
 const LARGEST_NOTE: u64 = 4096;
 
@@ -31,6 +34,8 @@ pub struct Recorded {
     /// The lines as they were read last, and the length and time of their file then.
     lines: Vec<Line>,
     read: Option<(u64, SystemTime)>,
+    /// Another one as soon as rows that a browser has are not the first of these any more.
+    generation: u64,
 }
 
 impl Recorded {
@@ -43,7 +48,7 @@ impl Recorded {
         let manifest =
             manifest.ok_or_else(|| Error::new(format!("{} lost its {MANIFEST}", folder.display())))?;
         let title = manifest.pipeline.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { folder: folder.to_owned(), title, lines: Vec::new(), read: None })
+        Ok(Self { folder: folder.to_owned(), title, lines: Vec::new(), read: None, generation: 0 })
     }
 
     /// The folder, as the user named it.
@@ -59,7 +64,10 @@ impl Recorded {
         let Ok(metadata) = std::fs::metadata(self.folder.join(SCENARIOS)) else { return Ok(&[]) };
         let now = (metadata.len(), metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH));
         if self.read != Some(now) {
-            self.lines = ledger::read(&RunDirectory::open(&self.folder)?)?.0;
+            let lines = ledger::read(&RunDirectory::open(&self.folder)?)?.0;
+            // At the end of a run its lines are put in order, and one that is driven again has another outcome.
+            self.generation += u64::from(!lines.starts_with(&self.lines));
+            self.lines = lines;
             self.read = Some(now);
         }
         Ok(&self.lines)
@@ -75,12 +83,14 @@ impl Recorded {
         serde_json::from_slice(&file::read(&path, LARGEST_NOTE).ok()?).ok()
     }
 
-    /// The scenarios, as JSON.
+    /// The scenarios that a browser lacks, as JSON, with what it takes to say next time which ones it has.
     ///
     /// # Errors
     /// If the ledger is damaged.
-    pub fn rows(&mut self) -> Result<Value> {
+    pub fn rows(&mut self, has: Option<Has>) -> Result<Value> {
         let folder = self.folder.clone();
+        let length = self.lines()?.len();
+        let from = known(has, self.generation, length);
         let row = |(number, line): (u64, &Line)| {
             let outcome = &line.outcome;
             let verdict = outcome.cause.verdict();
@@ -95,11 +105,21 @@ impl Recorded {
                 "number": number, "name": line.name, "failed": verdict.failed() || verdict == Verdict::Void,
                 "outcome": format!("{mark} {}", outcome.cause.text()), "error": outcome.error, "time": outcome.time,
                 "progress": outcome.progress, "mean": outcome.mean_cross_track_error,
-                "max": outcome.max_cross_track_error, "clip": clip_path(&folder, number).is_file(),
-                "replay": shell::replay(&folder, number),
+                "max": outcome.max_cross_track_error, "replay": shell::replay(&folder, number),
             })
         };
-        Ok((0..).zip(self.lines()?).map(row).collect())
+        let rows: Vec<Value> = (from as u64..).zip(&self.lines[from..]).map(row).collect();
+        Ok(json!({ "generation": self.generation, "from": from, "rows": rows, "clips": self.clips() }))
+    }
+
+    /// The numbers of the scenarios of which there is a clip.
+    fn clips(&self) -> Vec<u64> {
+        let files = std::fs::read_dir(self.folder.join(CLIPS)).into_iter().flatten().flatten();
+        let number = |name: String| name.strip_prefix(CLIP.0)?.strip_suffix(CLIP.1)?.parse().ok();
+        let mut numbers: Vec<u64> =
+            files.filter_map(|file| number(file.file_name().to_string_lossy().into_owned())).collect();
+        numbers.sort_unstable();
+        numbers
     }
 
     /// A scenario: where and how it was driven, and which of its frames are recorded.
@@ -119,9 +139,9 @@ impl Recorded {
                 Entry::Image(_) | Entry::Event(_) => {}
             }
         }
-        let points = samples(&steps).into_iter().map(|step| live::numbers(&step.state, Some(step.control)));
+        let points = samples(&steps).into_iter().map(|step| drive::numbers(&step.state, Some(step.control)));
         Ok(Some(json!({
-            "name": line.name, "road": live::road(&road), "points": points.collect::<Vec<_>>(), "images": images,
+            "name": line.name, "road": drive::road(&road), "points": points.collect::<Vec<_>>(), "images": images,
         })))
     }
 
@@ -175,5 +195,81 @@ impl Recorded {
 }
 
 fn clip_path(folder: &Path, number: u64) -> PathBuf {
-    folder.join(CLIPS).join(format!("scenario-{number}.mp4"))
+    folder.join(CLIPS).join(format!("{}{number}{}", CLIP.0, CLIP.1))
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use pdk_record::ledger::Ledger;
+
+    /// A record in a folder, without scenarios.
+    pub fn record(folder: &Path) -> Recorded {
+        let manifest = json!({
+            "pdk": "0.1.0", "seed": 0, "pipeline": { "path": "drives.lua", "source": "" }, "settings": {}, "components": [], "files": [],
+            "machine": { "system": "linux", "architecture": "x", "processors": 1 },
+        });
+        std::fs::write(folder.join(MANIFEST), manifest.to_string()).unwrap();
+        Recorded::open(folder).unwrap()
+    }
+
+    fn line(seed: u64, cause: &str) -> Line {
+        let value = json!({
+            "id": "00".repeat(16), "name": format!("drive {seed}"), "images_every": 0, "success": cause == "finished", "cause": cause,
+            "time": 2.0, "frames": 5, "progress": 0.5, "mean_cross_track_error": 0.1, "max_cross_track_error": 0.2, "digest": "",
+            "scenario": { "simulator": { "name": "lane" }, "driver": { "name": "x" }, "duration": 9.0, "seed": seed },
+        });
+        let mut line: Line = serde_json::from_value(value).unwrap();
+        line.id = line.scenario.id();
+        line
+    }
+
+    fn write(folder: &Path, lines: &[Line]) {
+        let _ = std::fs::remove_file(folder.join(SCENARIOS));
+        let mut ledger = Ledger::open(&RunDirectory::open(folder).unwrap()).unwrap();
+        lines.iter().for_each(|line| ledger.add(line).unwrap());
+    }
+
+    #[test]
+    fn a_browser_gets_the_rows_that_it_lacks() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut recorded = record(folder.path());
+        assert_eq!(recorded.rows(None).unwrap()["rows"], json!([]));
+        let lines = [line(1, "finished"), line(2, "lane_departure"), line(3, "finished")];
+        write(folder.path(), &lines[..2]);
+        let first = recorded.rows(None).unwrap();
+        assert_eq!((first["from"].as_u64(), first["rows"].as_array().unwrap().len()), (Some(0), 2));
+        assert_eq!((&first["rows"][1]["failed"], &first["rows"][1]["number"]), (&json!(true), &json!(1)));
+        let generation = first["generation"].as_u64().unwrap();
+        write(folder.path(), &lines);
+        std::fs::create_dir(folder.path().join(CLIPS)).unwrap();
+        for name in ["scenario-1.mp4", "scenario-x.mp4", "other.mp4"] {
+            std::fs::write(folder.path().join(CLIPS).join(name), "").unwrap();
+        }
+        let more = recorded.rows(Some((generation, 2))).unwrap();
+        assert_eq!((&more["generation"], &more["from"]), (&json!(generation), &json!(2)));
+        assert_eq!(
+            (more["rows"].as_array().unwrap().len(), &more["rows"][0]["name"]),
+            (1, &json!("drive 3"))
+        );
+        assert_eq!(more["clips"], json!([1]));
+        // Lines in another order are sent anew.
+        write(folder.path(), &[lines[2].clone(), lines[0].clone(), lines[1].clone()]);
+        let anew = recorded.rows(Some((generation, 3))).unwrap();
+        assert_eq!((anew["from"].as_u64(), anew["rows"].as_array().unwrap().len()), (Some(0), 3));
+        assert_ne!(anew["generation"], json!(generation));
+    }
+
+    #[test]
+    fn a_note_that_is_old_says_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let recorded = record(folder.path());
+        assert_eq!(recorded.progress(), None);
+        let path = folder.path().join(PROGRESS);
+        std::fs::write(&path, "{\"frames\":3}").unwrap();
+        assert_eq!(recorded.progress(), Some(json!({ "frames": 3 })));
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_modified(SystemTime::now() - 2 * SILENT).unwrap();
+        assert_eq!(recorded.progress(), None);
+    }
 }

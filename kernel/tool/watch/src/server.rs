@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use oxhttp::model::{Body, Method, Request, Response, StatusCode};
+use oxhttp::model::header::ETAG;
+use oxhttp::model::{Body, HeaderValue, Method, Request, Response, StatusCode};
 use pdk_sdk::error::{Error, Place, Result};
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde_json::json;
 
 use crate::live::{self, Live};
+use crate::query::Query;
 use crate::recorded::Recorded;
 
 /// How long a browser may take to send a request or to take an answer.
@@ -105,6 +107,9 @@ fn is_same(given: &str, token: &str) -> bool {
     given.len() == token.len() && differing == 0
 }
 
+/// What is said of an address at which there is nothing.
+const NOTHING: &str = "there is nothing at this address";
+
 type Content = (&'static str, Vec<u8>);
 
 fn answer(watched: &Watched, request: &Request<Body>) -> Response<Body> {
@@ -115,24 +120,49 @@ fn answer(watched: &Watched, request: &Request<Body>) -> Response<Body> {
     }
     if request.method() != Method::GET {
         let mut response = plain(StatusCode::METHOD_NOT_ALLOWED, "only GET is served");
-        response.headers_mut().insert("allow", oxhttp::model::HeaderValue::from_static("GET"));
+        response.headers_mut().insert("allow", HeaderValue::from_static("GET"));
         return response;
     }
-    match content(watched, rest, request.uri().query().unwrap_or("")) {
+    let query = Query::parse(request.uri().query().unwrap_or(""));
+    if let Some(topic) = rest.strip_prefix("frame/") {
+        let has = request.headers().get("if-none-match").and_then(|tag| tag.to_str().ok());
+        return frame(watched, topic, query, has);
+    }
+    match content(watched, rest, query) {
         Ok(Some((kind, bytes))) => response(StatusCode::OK, kind, bytes),
-        Ok(None) => plain(StatusCode::NOT_FOUND, "there is nothing at this address"),
+        Ok(None) => plain(StatusCode::NOT_FOUND, NOTHING),
         Err(error) => plain(StatusCode::INTERNAL_SERVER_ERROR, error.message()),
     }
 }
 
-fn content(watched: &Watched, path: &str, query: &str) -> Result<Option<Content>> {
+/// The newest frame of the drive under way, unless it is the one that the browser has.
+fn frame(watched: &Watched, topic: &str, query: Query, has: Option<&str>) -> Response<Body> {
+    let perturbed = match topic {
+        "raw" => false,
+        "perturbed" => true,
+        _ => return plain(StatusCode::NOT_FOUND, NOTHING),
+    };
+    let mut live = watched.live.lock().unwrap_or_else(PoisonError::into_inner);
+    let found = live.look(query.slot).and_then(|()| match live.tag(perturbed) {
+        Some(tag) if has == Some(&tag) => Ok(response(StatusCode::NOT_MODIFIED, "image/bmp", Vec::new())),
+        Some(tag) => {
+            let mut response =
+                response(StatusCode::OK, "image/bmp", live.frame(perturbed)?.unwrap_or_default());
+            response.headers_mut().extend(HeaderValue::from_str(&tag).map(|tag| (ETAG, tag)));
+            Ok(response)
+        }
+        None => Ok(plain(StatusCode::NOT_FOUND, NOTHING)),
+    });
+    found.unwrap_or_else(|error| plain(StatusCode::INTERNAL_SERVER_ERROR, error.message()))
+}
+
+fn content(watched: &Watched, path: &str, query: Query) -> Result<Option<Content>> {
     let parts: Vec<&str> = path.split('/').collect();
     let recorded = || watched.recorded.lock().unwrap_or_else(PoisonError::into_inner);
     let live = || watched.live.lock().unwrap_or_else(PoisonError::into_inner);
     let number = |text: &str| text.parse::<u64>().ok();
     let json = |value: serde_json::Value| ("application/json", value.to_string().into_bytes());
     let jpeg = |bytes| ("image/jpeg", bytes);
-    let slot = query.split('&').find_map(|pair| pair.strip_prefix("slot=")?.parse().ok());
     Ok(match parts[..] {
         [""] => Some(("text/html; charset=utf-8", PAGE.into())),
         ["style.css"] => {
@@ -142,21 +172,16 @@ fn content(watched: &Watched, path: &str, query: &str) -> Result<Option<Content>
         ["status.json"] => {
             let driven = {
                 let mut live = live();
-                live.look(slot)?;
-                (live.is_under_way(), live.told())
+                live.look(query.slot)?;
+                (live.is_under_way(), live.told(query.drive))
             };
             let mut recorded = recorded();
             let progress = recorded.progress();
             let status = json!({
                 "title": recorded.title, "record": recorded.folder(), "under_way": driven.0 || progress.is_some(),
-                "progress": progress, "live": driven.1, "scenarios": recorded.rows()?,
+                "progress": progress, "live": driven.1, "scenarios": recorded.rows(query.rows)?,
             });
             Some(json(status))
-        }
-        ["frame", topic @ ("raw" | "perturbed")] => {
-            let mut live = live();
-            live.look(slot)?;
-            live.frame(topic == "perturbed")?.map(|bytes| ("image/bmp", bytes))
         }
         ["scenario", scenario] => match number(scenario) {
             Some(scenario) => recorded().scenario(scenario)?.map(json),
@@ -187,7 +212,6 @@ fn plain(status: StatusCode, text: &str) -> Response<Body> {
 }
 
 fn response(status: StatusCode, kind: &'static str, bytes: Vec<u8>) -> Response<Body> {
-    use oxhttp::model::HeaderValue;
     let mut response = Response::new(Body::from(bytes));
     *response.status_mut() = status;
     let headers = [
@@ -207,4 +231,70 @@ fn response(status: StatusCode, kind: &'static str, bytes: Vec<u8>) -> Response<
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recorded::tests::record;
+
+    fn watched(folder: &Path) -> Watched {
+        Watched {
+            token: "0123".to_owned(),
+            live: Mutex::new(Live::new(folder.to_owned())),
+            recorded: Mutex::new(record(folder)),
+        }
+    }
+
+    fn ask(watched: &Watched, method: Method, address: &str) -> (u16, String) {
+        let request = Request::builder().method(method).uri(format!("http://x{address}"));
+        let response = answer(watched, &mut request.body(Body::empty()).unwrap());
+        let status = response.status().as_u16();
+        (status, response.into_body().to_string().unwrap())
+    }
+
+    #[test]
+    fn an_address_needs_the_token_and_names_one_of_a_few_things() {
+        let folder = tempfile::tempdir().unwrap();
+        let watched = watched(folder.path());
+        let get = |address: &str| ask(&watched, Method::GET, address).0;
+        for address in ["/", "/status.json", "/012/", "/01234/", "/0124/status.json"] {
+            assert_eq!(get(address), 403, "{address}");
+        }
+        for address in ["/0123/", "/0123/page.js", "/0123/style.css", "/0123/status.json"] {
+            assert_eq!(get(address), 200, "{address}");
+        }
+        for address in [
+            "/0123/manifest.json",
+            "/0123/../manifest.json",
+            "/0123/clips/../manifest.json",
+            "/0123/clips/scenario-0.mp4",
+            "/0123/scenario/0",
+            "/0123/scenario/0/raw/x",
+            "/0123/frame/raw",
+            "/0123/frame/other",
+        ] {
+            assert_eq!(get(address), 404, "{address}");
+        }
+        assert_eq!(ask(&watched, Method::POST, "/0123/").0, 405);
+    }
+
+    #[test]
+    fn the_status_is_that_of_the_record() {
+        let folder = tempfile::tempdir().unwrap();
+        let watched = watched(folder.path());
+        let (_, text) = ask(&watched, Method::GET, "/0123/status.json?rows=0-0&drive=1-2");
+        let status: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!((&status["title"], &status["under_way"]), (&json!("drives"), &json!(false)));
+        assert_eq!(status["scenarios"], json!({ "generation": 0, "from": 0, "rows": [], "clips": [] }));
+    }
+
+    #[test]
+    fn tokens_are_random_and_compared_whole() {
+        let (one, two) = (token().unwrap(), token().unwrap());
+        assert!(one.len() == 32 && one != two);
+        assert!(
+            is_same(&one, &one) && !is_same(&one, &two) && !is_same(&one[..31], &one) && !is_same("", &one)
+        );
+    }
 }

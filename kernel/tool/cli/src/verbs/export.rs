@@ -45,6 +45,8 @@ enum Format {
     Svg,
     /// JUnit XML: a test case for each scenario
     Junit,
+    /// What was driven of an operational design domain, what failed, and what is open: JSON and a page
+    Odd,
 }
 
 /// Reads a run and writes it in the format.
@@ -56,6 +58,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         Format::Tex => Kind::Latex,
         Format::Svg => Kind::Svg,
         Format::Junit => Kind::Junit,
+        Format::Odd => Kind::Odd,
     };
     let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(FOLDER));
     let written = pdk_export::write(&arguments.record, kind, &folder)?;

@@ -24,7 +24,8 @@ pub struct Arguments {
     scenarios: Vec<String>,
     #[command(flatten)]
     workers: Workers,
-    /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
+    /// Write a video of the scenario: original and perturbed frames and what the driver did. Of two scenarios, such as those of two
+    /// drivers, it shows what the drivers saw beside each other
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
     /// Show in the video what the driver's network looks at, by this saliency method [default: the one that `pdk list saliency` says is used]
@@ -44,6 +45,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let replay = Replay::open(&arguments.record, &arguments.scenarios)?;
     if let Some(clip) = &arguments.clip {
         check_clip(clip, replay.count())?;
+        if replay.count() == 2 && arguments.saliency.is_some() {
+            return Err(Error::new(
+                "--saliency is for the clip of one scenario, and these are 2; choose one with --scenario N",
+            ));
+        }
     }
     if replay.cut_off() {
         eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
@@ -76,9 +82,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
-    if scenarios != 1 {
+    if !(1..=2).contains(&scenarios) {
         return Err(Error::new(format!(
-            "--clip shows one scenario, and these are {scenarios}; choose one with --scenario N"
+            "--clip shows one scenario or two, and these are {scenarios}; choose one with --scenario N"
         )));
     }
     match clip.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4")) {

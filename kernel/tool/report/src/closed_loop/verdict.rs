@@ -4,6 +4,7 @@ use pdk_statistics::CONFIDENCE;
 use pdk_statistics::share::share;
 
 use crate::closed_loop::failing::{FEWEST_ROADS, Failing, TOGETHER, failing, highest};
+use crate::closed_loop::luck::luck;
 use crate::compare;
 use crate::conclusions::roads;
 use crate::tally::{Tally, by_severity};
@@ -33,6 +34,7 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     }
     sentences.push(counted(drives, &tally));
     sentences.extend(certainty(drives));
+    sentences.extend(drives.iter().filter_map(luck).map(|luck| luck.sentence));
     sentences
 }
 

@@ -130,6 +130,7 @@ mod tests {
             drift: 2.0 * error,
             error_interval: Some((error / 2.0, 2.0 * error)),
             drift_interval: None,
+            frames: Vec::new(),
         };
         Evaluation {
             driver: driver.into(),

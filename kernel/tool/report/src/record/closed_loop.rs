@@ -53,6 +53,7 @@ fn scenario(number: u64, line: &Line, folder: &Path, clips: &ClipFolder) -> Scen
         level,
         road_id: canonical(&line.scenario.road),
         seed: line.scenario.seed,
+        repeat: line.scenario.repeat,
         verdict: outcome.cause.verdict(),
         cause: outcome.cause.text().to_owned(),
         error: outcome.error.clone().unwrap_or_default(),

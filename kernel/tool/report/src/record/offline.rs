@@ -72,8 +72,8 @@ struct Cell {
     label: String,
     level: f64,
     /// On each frame.
-    errors: Vec<f64>,
-    drifts: Vec<f64>,
+    errors: Vec<(usize, f64)>,
+    drifts: Vec<(usize, f64)>,
 }
 
 /// The evaluations of drivers in a run, in order, with what the manifest tells of each, and those of predictors about which the summary does not
@@ -139,9 +139,9 @@ impl Sums {
         let cell = &mut cells[place];
         let drift = (perturbed.steering - original.steering).abs();
         if !error.is_nan() {
-            cell.errors.push(error);
+            cell.errors.push((index, error));
         }
-        cell.drifts.push(drift);
+        cell.drifts.push((index, drift));
         // Without a recorded steering, the drift is all that is known of the harm.
         let grown = if error.is_nan() { drift } else { error - before };
         if self.worst.get(&label).is_none_or(|(most, _)| grown > *most) {
@@ -198,6 +198,7 @@ impl Sums {
                         drift: drift.value,
                         error_interval: interval(&error),
                         drift_interval: interval(&drift),
+                        frames: if cell.errors.is_empty() { cell.drifts } else { cell.errors },
                     }
                 })
                 .collect(),
@@ -214,9 +215,10 @@ fn constant_error(mut truth: Vec<f64>) -> f64 {
 }
 
 /// The mean over frames, with its interval: see [`pdk_statistics::blocks`].
-fn mean(values: &[f64]) -> Estimate {
+fn mean(frames: &[(usize, f64)]) -> Estimate {
+    let values: Vec<f64> = frames.iter().map(|(_, value)| *value).collect();
     let none = Estimate { value: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
-    blocks::mean(values, blocks::length(values), CONFIDENCE).unwrap_or(none)
+    blocks::mean(&values, blocks::length(&values), CONFIDENCE).unwrap_or(none)
 }
 
 /// The interval, unless the frames are too few to say anything.

@@ -4,7 +4,9 @@ use std::collections::HashSet;
 use std::io::{Read as _, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use pdk_record::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
+use pdk_record::directory::{
+    BLOCKS, MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY, VERDICT,
+};
 use pdk_record::ledger::{self, Line};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
@@ -50,6 +52,12 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
     tasks.extend(under_way);
     let searches = search::read(&directory, folder, &lines)?;
     if lines.is_empty() && evaluations.is_empty() && tasks.is_empty() && searches.is_empty() {
+        if folder.join(BLOCKS).is_file() {
+            return Err(Error::new(format!(
+                "the record in {} is that of a gate on recordings, which has no drives to show; see its {BLOCKS} and {VERDICT}",
+                folder.display()
+            )));
+        }
         return Err(Error::new(format!(
             "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
             folder.display()

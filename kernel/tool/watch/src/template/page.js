@@ -5,7 +5,9 @@ const OFTEN = 500;
 let slot = null;
 // The number of a finished scenario that is shown in place of what is driven now.
 let chosen = null;
-let rows = "";
+// What the page has already: it asks for what it lacks.
+const have = { rows: { generation: 0, all: [], clips: [] }, drive: { generation: 0, points: [], road: [] } };
+const tags = {};
 const digits = (value, count) => (typeof value === "number" ? value.toFixed(count) : "");
 const make = (name, text, attributes = {}) => {
   const element = document.createElement(name);
@@ -61,9 +63,14 @@ const drive = ({ road, points = [] }) => {
   map(road, points);
 };
 const picture = async (topic, address) => {
-  const answer = await fetch(address);
+  // The one that is shown need not come again.
+  const known = tags[topic]?.address === address ? { "if-none-match": tags[topic].tag } : {};
+  const answer = await fetch(address, { headers: known });
   const image = $(topic);
+  if (answer.status === 304) return;
   const is = answer.ok;
+  const tag = answer.headers.get("etag");
+  tags[topic] = is && tag ? { address, tag } : undefined;
   if (is) {
     image.src = await new Promise((done) => answer.blob().then((blob) => {
       const reader = new FileReader();
@@ -98,34 +105,53 @@ const show = async (number) => {
   await still();
 };
 $("now").addEventListener("click", () => { chosen = null; $("scrub").hidden = true; });
-const table = (scenarios) => {
-  const text = JSON.stringify(scenarios);
-  if (text === rows) return;
-  rows = text;
-  const focused = document.activeElement?.dataset?.number;
-  $("rows").replaceChildren(...scenarios.map((row) => {
-    const line = make("tr", "");
-    if (row.failed) line.className = "failed";
-    const cell = (text, number) => line.append(make("td", text, number ? { class: "n" } : {}));
-    cell(row.number, true);
-    const name = make("th", "", { scope: "row" });
-    const button = make("button", row.name, { type: "button", "data-number": row.number });
-    button.addEventListener("click", () => show(row.number).then(() => $("shown").scrollIntoView()).catch(trouble));
-    name.append(button);
-    line.append(name);
-    const outcome = make("td", row.outcome);
-    if (row.error) outcome.append(make("br", ""), make("small", row.error));
-    line.append(outcome);
-    for (const [value, count] of [[row.time, 1], [100 * row.progress, 0], [row.mean, 3], [row.max, 3]]) cell(digits(value, count) + (count === 0 ? " %" : ""), true);
-    const clip = make("td", "");
-    if (row.clip) clip.append(make("a", "clip", { href: `clips/scenario-${row.number}.mp4` }));
-    line.append(clip);
-    const again = make("td", "");
-    again.append(make("code", row.replay));
-    line.append(again);
-    return line;
-  }));
-  if (focused !== undefined) document.querySelector(`[data-number="${focused}"]`)?.focus();
+const line = (row) => {
+  const line = make("tr", "");
+  if (row.failed) line.className = "failed";
+  const cell = (text, number) => line.append(make("td", text, number ? { class: "n" } : {}));
+  cell(row.number, true);
+  const name = make("th", "", { scope: "row" });
+  const button = make("button", row.name, { type: "button", "data-number": row.number });
+  button.addEventListener("click", () => show(row.number).then(() => $("shown").scrollIntoView()).catch(trouble));
+  name.append(button);
+  line.append(name);
+  const outcome = make("td", row.outcome);
+  if (row.error) outcome.append(make("br", ""), make("small", row.error));
+  line.append(outcome);
+  for (const [value, count] of [[row.time, 1], [100 * row.progress, 0], [row.mean, 3], [row.max, 3]]) cell(digits(value, count) + (count === 0 ? " %" : ""), true);
+  line.append(make("td", "", { "data-clip": row.number }));
+  const again = make("td", "");
+  again.append(make("code", row.replay));
+  line.append(again);
+  return line;
+};
+const table = ({ generation, from, rows, clips }) => {
+  const known = have.rows;
+  if (from === 0) {
+    const focused = document.activeElement?.dataset?.number;
+    $("rows").replaceChildren(...rows.map(line));
+    if (focused !== undefined) document.querySelector(`[data-number="${focused}"]`)?.focus();
+    known.all = rows;
+    known.clips = [];
+  } else if (rows.length) {
+    $("rows").append(...rows.map(line));
+    known.all.push(...rows);
+  }
+  known.generation = generation;
+  for (const number of clips.filter((number) => !known.clips.includes(number))) {
+    const cell = document.querySelector(`[data-clip="${number}"]`);
+    if (!cell) continue;
+    cell.replaceChildren(make("a", "clip", { href: `clips/scenario-${number}.mp4` }));
+    known.clips.push(number);
+  }
+};
+// The whole course of the drive under way, of which the answer has what the page lacked.
+const course = ({ drive, from = 0, points = [], road }) => {
+  const known = have.drive;
+  if (from === 0) [known.points, known.road] = [points, road];
+  else known.points.push(...points);
+  known.generation = drive ?? 0;
+  return known;
 };
 const left = ({ frames, of, seconds }) => {
   if (!frames || of <= frames) return "";
@@ -138,20 +164,23 @@ const trouble = (error) => {
   $("trouble").textContent = error ? `${error.message ?? error}` : "";
 };
 const status = async () => {
-  const answer = await fetch(`status.json${slot === null ? "" : `?slot=${slot}`}`);
+  const known = `rows=${have.rows.generation}-${have.rows.all.length}&drive=${have.drive.generation}-${have.drive.points.length}`;
+  const answer = await fetch(`status.json?${known}${slot === null ? "" : `&slot=${slot}`}`);
   if (!answer.ok) throw new Error(await answer.text());
   const found = await answer.json();
+  table(found.scenarios);
+  const scenarios = have.rows.all;
+  const driven = course(found.live);
   document.title = `${found.title} – pdk watch`;
   $("title").textContent = found.title;
   $("record").textContent = found.record;
-  const done = found.scenarios.length;
-  const failed = found.scenarios.filter((row) => row.failed).length;
+  const done = scenarios.length;
+  const failed = scenarios.filter((row) => row.failed).length;
   const progress = found.progress;
   const total = progress?.scenarios ? ` of ${progress.scenarios}` : "";
   $("state").textContent = `${found.under_way ? "Under way" : "Not under way"}: ${done}${total} scenarios done, ${failed} failed${progress ? left(progress) : ""}`;
   $("bar").hidden = !progress;
   if (progress) $("bar").value = progress.of ? progress.frames / progress.of : 0;
-  table(found.scenarios);
   const { slots } = found.live;
   $("slots").replaceChildren(...(slots.length > 1 ? slots : []).map((one) => {
     const button = make("button", `${one.slot}: ${one.name}`, { type: "button", "aria-pressed": one.slot === found.live.slot });
@@ -162,10 +191,10 @@ const status = async () => {
   if (slots.length && chosen === null) {
     $("scrub").hidden = true;
     $("shown").textContent = `Now: ${found.live.name ?? "…"}`;
-    drive(found.live);
+    drive(driven);
     await frames();
   } else if (!slots.length && chosen === null && done) {
-    await show(found.scenarios.find((row) => row.failed)?.number ?? 0);
+    await show(scenarios.find((row) => row.failed)?.number ?? 0);
   }
   trouble(null);
 };
