@@ -220,6 +220,31 @@ def cutout_filter(
     Source: DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017).
     """
 
+def defective_pixels(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    lines: ByLevel | None = None,
+    show: Literal["any", "hot", "dead"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes photosites of the sensor dead, hot or stuck, and rows and columns as well, each of which spreads to its
+    neighbours where colours are interpolated.
+
+    share: share of the photosites that are defective (0 to 0.2; by level 0.0002, 0.001, 0.004, 0.015, 0.05).
+    lines: how many rows, and how many columns, are defective (0 to 32; by level 0, 1, 2, 4, 8).
+    show: what defects show: any: white, black or a value at which they are stuck; hot: white; dead: black (default
+        "any").
+    Source: Hot, dead and stuck pixels as in EMVA 1288; bilinear interpolation of the pattern of Bayer, US patent
+        3971065 (1976).
+    Not part of the default set.
+    """
+
 def defocus_blur(
     level: Level = 2.0,
     *,
@@ -540,6 +565,27 @@ def elastic(
         document analysis (2003).
     """
 
+def exposure_hunting(
+    level: Level = 2.0,
+    *,
+    swing: ByLevel | None = None,
+    period: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets the exposure swing around its aim, as automatic exposure does that corrects too much and too late.
+
+    swing: how far the exposure swings to either side (stops; 0 to 8; by level 0.3, 0.6, 1, 1.5, 2.2).
+    period: how long a swing and the one back take (s; 0.02 to 1000; default 1.6).
+    Source: Oscillation of a control loop with too much gain and dead time; exposure in stops, light by IEC
+        61966-2-1 (sRGB).
+    Not part of the default set.
+    """
+
 def false_color_filter(
     level: Level = 2.0,
     *,
@@ -559,6 +605,32 @@ def false_color_filter(
     variant: published: the sums of effect 4 wrap at 256, so what is bright comes out dark; corrected: they do not
         (default "published").
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added.
+    """
+
+def flicker(
+    level: Level = 2.0,
+    *,
+    depth: ByLevel | None = None,
+    frequency: float | None = None,
+    readout: float | None = None,
+    exposure: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lights the scene with lamps that flicker, so that bright and dark bands wander through the frame as its rows are
+    read.
+
+    depth: how much the light of the lamps goes up and down, as a share of its mean (0 to 1; by level 0.1, 0.2, 0.4,
+        0.65, 1).
+    frequency: how often the lamps flicker: twice the frequency of the mains (Hz; 0.1 to 10000; default 100.0).
+    readout: how long it takes to read all rows (s; 0 to 1; default 0.02).
+    exposure: how long a row is exposed, which evens the flicker out (s; 0 to 1; default 0.004).
+    Source: Modulation of lamps as in IEEE 1789-2015, read by a rolling shutter; light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
     """
 
 def fog_by_visibility(
@@ -1948,6 +2020,30 @@ def repaint(
     Not part of the default set.
     """
 
+def rolling_shutter(
+    level: Level = 2.0,
+    *,
+    readout: ByLevel | None = None,
+    vibration: ByLevel | None = None,
+    frequency: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Reads the rows of a frame one after the other, so that a turn shears the picture, and the vibration of the mount
+    makes it wobble.
+
+    readout: how long it takes to read all rows (s; 0 to 1; by level 0.01, 0.02, 0.03, 0.04, 0.05).
+    vibration: how far the mount vibrates to either side, as a share of the width (0 to 0.2; by level 0.001, 0.002,
+        0.005, 0.01, 0.02).
+    frequency: how often the mount vibrates (Hz; 0 to 1000; default 35.0).
+    Source: Liang, Chang and Chen, Analysis and compensation of rolling shutter effect (2008).
+    Not part of the default set.
+    """
+
 def rotate_image(
     level: Level = 2.0,
     *,
@@ -2036,6 +2132,39 @@ def scale_image(
     factor: factor of width and height, which are rounded down to whole pixels (0.01 to 1; by level 0.96, 0.9, 0.8,
         0.68, 0.5).
     Source: Linear interpolation without averaging.
+    """
+
+def sensor_noise(
+    level: Level = 2.0,
+    *,
+    illuminance: ByLevel | None = None,
+    aperture: float | None = None,
+    exposure: float | None = None,
+    pitch: float | None = None,
+    efficiency: float | None = None,
+    read: float | None = None,
+    full_well: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Takes the frame with a camera in little light, whose sensor counts few electrons, and amplifies it to the
+    brightness that it had.
+
+    illuminance: light on the scene: 300 in a lit tunnel, 50 in a lit street, 2 at the end of civil twilight (lx;
+        0.001 to 200000; by level 300, 50, 10, 2, 0.5).
+    aperture: the f-number: focal length by diameter (0.5 to 64; default 2.0).
+    exposure: how long the camera exposes (s; 1e-05 to 1; default 0.01).
+    pitch: the side of a pixel of the sensor (um; 0.5 to 30; default 3.0).
+    efficiency: electrons for each photon (0.01 to 1; default 0.6).
+    read: noise of reading the sensor out (electrons; 0 to 1000; default 2.5).
+    full_well: electrons that a pixel holds (electrons; 10 to 1e+06; default 10000.0).
+    Source: EMVA 1288; illuminance behind a lens E / (4 N^2); 1.1e4 photons of daylight in a lux second and a square
+        micrometre; light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
     """
 
 def sharpen_filter(
@@ -2408,6 +2537,28 @@ def steering_play(
     play: how far the steering turns before the wheels follow, as a share of full lock (0 to 2; by level 0.02, 0.05,
         0.1, 0.2, 0.4).
     Source: Backlash as in Nordin and Gutman, Controlling mechanical systems with backlash: a survey (2002).
+    Not part of the default set.
+    """
+
+def stuck_white_balance(
+    level: Level = 2.0,
+    *,
+    stuck: ByLevel | None = None,
+    scene: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Balances colours for the light of lamps by day, as a camera does whose white balance is stuck.
+
+    stuck: the light for which colours are balanced: below that of the scene, the picture turns blue; above, it
+        turns orange (K; 1667 to 25000; by level 5400, 4500, 3700, 3000, 2300).
+    scene: the light of the scene (K; 1667 to 25000; default 6500.0).
+    Source: Colour of black bodies by Kim et al., Design of advanced color temperature control system for HDTV
+        applications (2002); gains as von Kries has them, in light by IEC 61966-2-1 (sRGB).
     Not part of the default set.
     """
 
