@@ -28,7 +28,7 @@ struct Mirror {
     /// The column and the row that it shows.
     column: u32,
     row: f32,
-    /// Where it is on the ground, to the right and ahead, in metres.
+    /// Its place on the ground, to the right and ahead, in metres.
     place: [f32; 2],
 }
 
