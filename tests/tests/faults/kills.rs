@@ -2,7 +2,7 @@
 //! undisturbed one, leaves nothing, and is in no way of a short run behind it.
 //!
 //! `PDK_KILLS` sets the number of rounds, and `PDK_KILLS_SEED` where the moments are drawn from;
-//! `PDK_KILLS=200 cargo test --release -p pdk-tests --test faults kills:: -- --nocapture` prints what was met.
+//! `PDK_KILLS=200 cargo test --release --test faults kills:: -- --nocapture` prints what was met.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::process::ExitStatusExt;
