@@ -34,6 +34,10 @@ const UNNOTICEABLE: f64 = 0.001;
 
 /// What grows from level to level, but not everywhere between them, and why.
 const BETWEEN_LEVELS: &[(&str, &str)] = &[
+    (
+        "bit_errors",
+        "other bits are wrong if there are more, and the first in a slice decides how much of it is lost",
+    ),
     ("posterize_filter", "where the steps between few grey values lie decides more than how many there are"),
     ("motion_blur", "a kernel of even size, as at level 0, also shifts the frame by half a pixel"),
     ("sharpen_filter", "what is brightened until it clips loses structure in steps"),
