@@ -22,6 +22,7 @@ const PLUGINS: &[&str] = &[
     "affine",
     "beamng",
     "blur",
+    "camera",
     "carla",
     "color",
     "datasets",

@@ -210,7 +210,7 @@ function study.nothing_managed(settings, who: string, left_out): string
 	for _, road in left_out do
 		late = late and road.cause == "time_out"
 	end
-	local remedy = if late then `raise duration, which is {settings.duration} s` else "set another driver, or easier roads by limit"
+	local remedy = if late then `raise duration, which is {settings.duration} s` else `set another driver, or a smaller limit than {settings.limit} degrees, which makes the roads easier`
 	return `{who} managed no road without perturbation, so there is nothing to test on; {remedy}`
 end
 

@@ -239,12 +239,13 @@ pub fn json_file(path: &Path) -> Value {
 
 /// Compares results with those of a plain program in `tests/metrics`, if Python has what that needs. Its output is printed.
 pub fn compare_in_python(program: &str, arguments: &[&Path]) {
-    let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
+    let python = std::env::var("PDK_TEST_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has = Command::new(&python).args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
     if !has.is_ok_and(|status| status.success()) {
-        return eprintln!("skipped: python3 has no numpy and pillow");
+        return eprintln!("skipped: {python} has no numpy and pillow (set PDK_TEST_PYTHON)");
     }
     let file = crate::repository().join("tests/metrics").join(program);
-    let plain = Command::new("python3").arg(file).arg(crate::built("pdk")).args(arguments).output().unwrap();
+    let plain = Command::new(&python).arg(file).arg(crate::built("pdk")).args(arguments).output().unwrap();
     println!("{}", String::from_utf8_lossy(&plain.stdout));
     assert!(plain.status.success(), "{plain:?}");
 }

@@ -69,7 +69,7 @@ mod tests {
     }
 
     fn record(milliseconds: Option<f64>) -> Record {
-        Record { steering: 0.0, throttle: 0.0, milliseconds, number: None, session: None }
+        Record { milliseconds, ..Record::default() }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Folders of images with one record each.
 //!
 //! The published format: images `N_text.jpg` (or `.jpeg`, `.png`) and beside each a `record_N.json` with `user/angle`
-//! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form.
+//! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form, and so has what `pdk corrupt` writes of
+//! recordings whose frames are not files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -41,6 +42,7 @@ impl Component for Folder {
     fn description() -> Description {
         let doc = "Reads a folder of images N_text.jpg or .png with a record_N.json beside each";
         let description = Description::dataset("folder", doc)
+            .version(2)
             .source("the dataset format of PerturbationDrive; DonkeyCar tub, version 1")
             .parameter(Parameter::path("path", "the folder"));
         Clock::parameters().into_iter().fold(description, Description::parameter)
@@ -118,8 +120,8 @@ impl Dataset for Folder {
             frame: pdk_image::read(&self.folder.path(Path::new(name))?)?,
             steering: record.steering,
             throttle: record.throttle,
+            speed: record.speed,
             time: self.clock.time(index, &record).map_err(|e| e.at(name))?,
-            ..Entry::default()
         })
     }
 

@@ -5,7 +5,7 @@ use pdk_video::{Stream, Yuv420, begins_anew};
 use prost::Message as _;
 
 use crate::cdr::Cdr;
-use crate::foxglove::{CompressedImage, CompressedVideo, RawImage};
+use crate::foxglove::{CompressedImage, CompressedVideo, RawImage, Stored, damaged};
 use crate::raw::Raw;
 
 /// Kinds of messages with a picture.
@@ -16,22 +16,27 @@ pub enum Picture {
     /// `sensor_msgs/Image`.
     Image,
     /// `foxglove.CompressedImage`.
-    FoxgloveCompressed,
+    FoxgloveCompressed(Stored),
     /// `foxglove.RawImage`.
-    FoxgloveRaw,
+    FoxgloveRaw(Stored),
     /// `foxglove.CompressedVideo`.
-    FoxgloveVideo,
+    FoxgloveVideo(Stored),
 }
 
 impl Picture {
     /// The kind of a message; none if it has no picture.
     pub fn of(encoding: &str, schema: &str) -> Option<Self> {
-        Some(match (encoding, schema) {
-            ("cdr", "sensor_msgs/msg/CompressedImage") => Self::Compressed,
-            ("cdr", "sensor_msgs/msg/Image") => Self::Image,
-            ("protobuf", "foxglove.CompressedImage") => Self::FoxgloveCompressed,
-            ("protobuf", "foxglove.RawImage") => Self::FoxgloveRaw,
-            ("protobuf", "foxglove.CompressedVideo") => Self::FoxgloveVideo,
+        let foxglove = match encoding {
+            "cdr" => schema.strip_prefix("foxglove_msgs/msg/").map(|name| (Stored::Ros2, name)),
+            "protobuf" => schema.strip_prefix("foxglove.").map(|name| (Stored::Protobuf, name)),
+            _ => return None,
+        };
+        Some(match (schema, foxglove) {
+            (_, Some((stored, "CompressedImage"))) => Self::FoxgloveCompressed(stored),
+            (_, Some((stored, "RawImage"))) => Self::FoxgloveRaw(stored),
+            (_, Some((stored, "CompressedVideo"))) => Self::FoxgloveVideo(stored),
+            ("sensor_msgs/msg/CompressedImage", None) if encoding == "cdr" => Self::Compressed,
+            ("sensor_msgs/msg/Image", None) if encoding == "cdr" => Self::Image,
             _ => return None,
         })
     }
@@ -46,12 +51,10 @@ impl Picture {
         };
         Ok(match self {
             Self::Compressed | Self::Image => (Cdr::new(data)?.header()?, true),
-            Self::FoxgloveCompressed => {
-                (stamp(CompressedImage::decode(data).map_err(damaged)?.timestamp), true)
-            }
-            Self::FoxgloveRaw => (stamp(RawImage::decode(data).map_err(damaged)?.timestamp), true),
-            Self::FoxgloveVideo => {
-                let video = CompressedVideo::decode(data).map_err(damaged)?;
+            Self::FoxgloveCompressed(stored) => (stamp(CompressedImage::read(stored, data)?.timestamp), true),
+            Self::FoxgloveRaw(stored) => (stamp(RawImage::read(stored, data)?.timestamp), true),
+            Self::FoxgloveVideo(stored) => {
+                let video = CompressedVideo::read(stored, data)?;
                 (stamp(video.timestamp), begins_anew(&video.data))
             }
         })
@@ -82,13 +85,12 @@ impl Picture {
                 let step = cdr.u32()?;
                 Raw { width, height, encoding, step, data: cdr.bytes()? }.to_frame()
             }
-            Self::FoxgloveCompressed => still(&CompressedImage::decode(data).map_err(damaged)?.data),
-            Self::FoxgloveRaw => {
-                let RawImage { width, height, encoding, step, data, .. } =
-                    RawImage::decode(data).map_err(damaged)?;
+            Self::FoxgloveCompressed(stored) => still(&CompressedImage::read(stored, data)?.data),
+            Self::FoxgloveRaw(stored) => {
+                let RawImage { width, height, encoding, step, data, .. } = RawImage::read(stored, data)?;
                 Raw { width, height, encoding: &encoding, step, data: &data }.to_frame()
             }
-            Self::FoxgloveVideo => Err(Error::new("a picture of a video needs those before it")),
+            Self::FoxgloveVideo(_) => Err(Error::new("a picture of a video needs those before it")),
         }
     }
 }
@@ -97,8 +99,8 @@ impl Picture {
 ///
 /// # Errors
 /// If the message or the picture is damaged, or of another codec than H.264.
-pub fn decode_next(stream: &mut Stream, data: &[u8], into: &mut Yuv420) -> Result<()> {
-    let video = CompressedVideo::decode(data).map_err(damaged)?;
+pub fn decode_next(stream: &mut Stream, stored: Stored, data: &[u8], into: &mut Yuv420) -> Result<()> {
+    let video = CompressedVideo::read(stored, data)?;
     match video.format.as_str() {
         "h264" => stream.decode(&video.data, into),
         other => {
@@ -111,10 +113,6 @@ fn still(bytes: &[u8]) -> Result<FrameBuf> {
     let image = pdk_image::decode(bytes)?.into_rgb8();
     let (width, height) = (image.width() as usize, image.height() as usize);
     FrameBuf::from_vec(image.into_raw(), width, height).map_err(Error::new)
-}
-
-fn damaged(error: prost::DecodeError) -> Error {
-    Error::new(format!("the message is damaged ({error})"))
 }
 
 /// Kinds of messages with numbers.

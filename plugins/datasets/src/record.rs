@@ -3,13 +3,15 @@
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
-/// The steering and the time of one frame, as they were recorded.
+/// What was recorded with one frame; numbers that were not recorded are not numbers.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
     /// -1 (full left) to 1 (full right).
     pub steering: f64,
     /// -1 (full brake) to 1 (full throttle).
     pub throttle: f64,
+    /// In m/s.
+    pub speed: f64,
     /// Milliseconds since any fixed moment, where the record has a time.
     pub milliseconds: Option<f64>,
     /// Its number in the recording, where the record has one.
@@ -19,15 +21,16 @@ pub struct Record {
 }
 
 impl Record {
-    /// Reads the keys that DonkeyCar writes: `user/angle`, `user/throttle`, the time as `_timestamp_ms` (tub v2) or `milliseconds`
-    /// (tub v1), and `_index` and `_session_id`.
+    /// Reads the keys that DonkeyCar writes: `user/angle`, `user/throttle`, `enc/speed`, the time as `_timestamp_ms` (tub v2) or
+    /// `milliseconds` (tub v1), and `_index` and `_session_id`. `null` stands for a steering or throttle that was not recorded.
     ///
     /// # Errors
-    /// If the steering or the throttle is missing, is not a number, or is outside -1 to 1.
+    /// If the steering or the throttle is missing, is not a number, or is outside -1 to 1, or if the speed is not a number.
     pub fn from_json(json: &Map<String, Value>) -> Result<Self> {
         Ok(Self {
             steering: control(json, "user/angle")?,
             throttle: control(json, "user/throttle")?,
+            speed: speed(json, "enc/speed")?,
             milliseconds: ["_timestamp_ms", "milliseconds"]
                 .iter()
                 .find_map(|key| json.get(*key).and_then(Value::as_f64)),
@@ -40,10 +43,20 @@ impl Record {
 fn control(json: &Map<String, Value>, key: &str) -> Result<f64> {
     match json.get(key) {
         None => Err(Error::new(format!("the record has no `{key}`"))),
+        Some(Value::Null) => Ok(f64::NAN),
         Some(value) => match value.as_f64() {
             Some(number) if (-1.0..=1.0).contains(&number) => Ok(number),
             _ => Err(Error::new(format!("`{key}` is {value}, but has to be a number from -1 to 1"))),
         },
+    }
+}
+
+fn speed(json: &Map<String, Value>, key: &str) -> Result<f64> {
+    match json.get(key) {
+        None | Some(Value::Null) => Ok(f64::NAN),
+        Some(value) => value
+            .as_f64()
+            .ok_or_else(|| Error::new(format!("`{key}` is {value}, but has to be a number, in m/s"))),
     }
 }
 
@@ -63,9 +76,16 @@ mod tests {
         let v2 = parse(v2).unwrap();
         assert_eq!((v2.number, v2.session.as_deref()), (Some(7), Some("20-10-11_0")));
         assert_eq!((v2.steering, v2.throttle, v2.milliseconds), (0.5, -1.0, Some(1602421393803.0)));
-        let v1 = parse(json!({"user/angle": 0, "user/throttle": 0.1, "milliseconds": 40})).unwrap();
-        assert_eq!(v1.milliseconds, Some(40.0));
+        let v1 = parse(json!({"user/angle": 0, "user/throttle": 0.1, "enc/speed": 2.5, "milliseconds": 40}))
+            .unwrap();
+        assert_eq!((v1.speed, v1.milliseconds), (2.5, Some(40.0)));
         assert_eq!(parse(json!({"user/angle": 0, "user/throttle": 0})).unwrap().milliseconds, None);
+    }
+
+    #[test]
+    fn what_was_not_recorded_is_not_a_number() {
+        let record = parse(json!({"user/angle": null, "user/throttle": null})).unwrap();
+        assert!(record.steering.is_nan() && record.throttle.is_nan() && record.speed.is_nan());
     }
 
     #[test]
@@ -77,7 +97,8 @@ mod tests {
             error(json!({"user/angle": 25.0, "user/throttle": 0})),
             "`user/angle` is 25.0, but has to be a number from -1 to 1"
         );
-        assert!(error(json!({"user/angle": null, "user/throttle": 0})).starts_with("`user/angle` is null"));
+        let speed = json!({"user/angle": 0, "user/throttle": 0, "enc/speed": "fast"});
+        assert_eq!(error(speed), "`enc/speed` is \"fast\", but has to be a number, in m/s");
         assert!(error(json!({"user/angle": "0.1", "user/throttle": 0})).contains("\"0.1\""));
     }
 }

@@ -6,6 +6,7 @@ use pdk_sdk::prelude::*;
 use pdk_video::{Stream, Yuv420};
 
 use crate::bag::{Bag, Place};
+use crate::foxglove::Stored;
 use crate::label::{Label, Units, pedals, range};
 use crate::message::{Numbers, Picture, Reading, decode_next};
 use crate::place::{beyond, unsuitable};
@@ -154,7 +155,7 @@ impl Drive {
         Ok(Self { bag, kind, topic, frames, told, stream: None, picture: Yuv420::default() })
     }
 
-    fn video(&mut self, index: usize) -> Result<FrameBuf> {
+    fn video(&mut self, stored: Stored, index: usize) -> Result<FrameBuf> {
         let begin = self.frames[..=index].iter().rposition(|frame| frame.begins).ok_or_else(|| {
             Error::new("the video begins with pictures that need earlier ones, which were not recorded; leave out the frames before the first key frame")
         })?;
@@ -165,7 +166,7 @@ impl Drive {
         // Without a stream, the next frame begins anew.
         while next <= index {
             let place = self.frames[next].place;
-            decode_next(&mut stream, self.bag.read(place)?, &mut self.picture).map_err(|error| {
+            decode_next(&mut stream, stored, self.bag.read(place)?, &mut self.picture).map_err(|error| {
                 if next < index { error.at(format_args!("frame {next}, which it needs")) } else { error }
             })?;
             next += 1;
@@ -190,7 +191,7 @@ impl Dataset for Drive {
         let frame = self.frames.get(index).ok_or_else(|| beyond(index, self.frames.len()))?;
         let (label, time, place) = (frame.label.clone()?, frame.time, frame.place);
         let frame = match self.kind {
-            Picture::FoxgloveVideo => self.video(index)?,
+            Picture::FoxgloveVideo(stored) => self.video(stored, index)?,
             kind => kind.decode(self.bag.read(place)?)?,
         };
         Ok(Entry { frame, steering: label.steering, throttle: label.throttle, time, speed: label.speed })

@@ -44,6 +44,7 @@ impl Component for Tub {
     fn description() -> Description {
         let description =
             Description::dataset("tub", "Reads a DonkeyCar tub, version 2 (a folder with manifest.json)")
+                .version(2)
                 .source("DonkeyCar documentation, \"Tub file format\"")
                 .parameter(Parameter::path("path", "the folder of the tub"));
         Clock::parameters().into_iter().fold(description, Description::parameter)
@@ -103,8 +104,8 @@ impl Dataset for Tub {
             frame: pdk_image::read(&self.folder.path(&Path::new(IMAGES).join(&row.name))?)?,
             steering: record.steering,
             throttle: record.throttle,
+            speed: record.speed,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,
-            ..Entry::default()
         })
     }
 

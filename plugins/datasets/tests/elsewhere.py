@@ -233,6 +233,47 @@ def rosbags_sqlite():
     expect("rosbag2 bayer", "rosbag2", "bag_bayer", off=0.75, time=bag_time, steering=steering, speed=float)
 
 
+def rosbags_foxglove():
+    """Pictures and an H.264 stream in Foxglove's messages of ROS 2, and in CompressedImage."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    start = "builtin_interfaces/Time timestamp\nstring frame_id\n"
+    bodies = {
+        "CompressedImage": "uint8[] data\nstring format\n",
+        "CompressedVideo": "uint8[] data\nstring format\n",
+        "RawImage": "uint32 width\nuint32 height\nstring encoding\nuint32 step\nuint8[] data\n",
+    }
+    for name, body in bodies.items():
+        store.register(get_types_from_msg(start + body, f"foxglove_msgs/msg/{name}"))
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=1, nanosec=2)
+    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="cam")
+    time = {"timestamp": stamp, "frame_id": "cam"}
+    stream = pictures_of_stream()
+    with Writer(OUT / "bag_foxglove", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connections = {}
+        for number in range(FRAMES):
+            data = np.frombuffer(png(number), np.uint8)
+            messages = {
+                "raw": ("foxglove_msgs/msg/RawImage", {**time, "width": WIDTH, "height": HEIGHT, "encoding": "rgb8", "step": WIDTH * 3,
+                                                       "data": picture(number).reshape(-1)}),
+                "png": ("foxglove_msgs/msg/CompressedImage", {**time, "data": data, "format": "png"}),
+                "ros": ("sensor_msgs/msg/CompressedImage", {"header": header, "data": data, "format": "png"}),
+            }
+            if stream:
+                units = np.frombuffer(stream[number], np.uint8)
+                messages["h264"] = "foxglove_msgs/msg/CompressedVideo", {**time, "data": units, "format": "h264"}
+            for topic, (kind, fields) in messages.items():
+                if topic not in connections:
+                    connections[topic] = writer.add_connection("/" + topic, kind, typestore=store)
+                message = store.serialize_cdr(store.types[kind](**fields), kind)
+                writer.write(connections[topic], 1_700_000_000_000_000_000 + number * 50_000_000, message)
+    for topic in connections:
+        expect("rosbag2 foxglove " + topic, "rosbag2", "bag_foxglove", off=6 if topic == "h264" else 0, time=lambda n: n / 20,
+               parameters={"image": "/" + topic})
+
+
 def comma2k19():
     if shutil.which("ffmpeg") is None:
         raise FileNotFoundError("no ffmpeg on the PATH")
@@ -348,9 +389,22 @@ def donkeycar_tub():
     expect("tub", "tub", "tub", off=12, frames=[0, 1, 3, 4, 5], steering=steering, throttle=lambda n: 0.5)
 
 
+def donkeycar_tub_1():
+    from donkeycar.parts.datastore import Tub
+
+    inputs, types = ["cam/image_array", "user/angle", "user/throttle", "user/mode"], ["image_array", "float", "float", "str"]
+    tub = Tub(str(OUT / "tub_1"), inputs=inputs, types=types)
+    for number in range(FRAMES):
+        tub.put_record({"cam/image_array": picture(number), "user/angle": steering(number), "user/throttle": 0.5, "user/mode": "user"})
+    expect("tub_1", "folder", "tub_1", off=12, steering=steering, throttle=lambda n: 0.5)
+
+
 OUT = Path(sys.argv[1])
 OUT.mkdir(parents=True, exist_ok=True)
-PARTS = (pandas_csv, videos, ros2_mcap, foxglove_mcap, rosbags_bag, rosbags_sqlite, comma2k19, lerobot_2, lerobot_3, donkeycar_tub)
+PARTS = (
+    pandas_csv, videos, ros2_mcap, foxglove_mcap, rosbags_bag, rosbags_sqlite, rosbags_foxglove, comma2k19, lerobot_2, lerobot_3,
+    donkeycar_tub, donkeycar_tub_1,
+)
 for each in PARTS:
     part(each)
 (OUT / "expected.json").write_text(json.dumps({"expected": EXPECTED, "left_out": LEFT_OUT}, indent=1) + "\n")

@@ -8,7 +8,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use pdk_datasets::{Comma2k19, Csv, LeRobot, Mcap, Rosbag2, Tub, Video};
+use pdk_datasets::{Comma2k19, Csv, Folder, LeRobot, Mcap, Rosbag2, Tub, Video};
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Value, json};
 
@@ -53,6 +53,7 @@ fn check(folder: &Path, has_ffmpeg: bool) -> usize {
             "comma2k19" => open::<Comma2k19>(&path, parameters),
             "lerobot" => open::<LeRobot>(&path, parameters),
             "csv" => open::<Csv>(&path, parameters),
+            "folder" => open::<Folder>(&path, parameters),
             "mcap" => open::<Mcap>(&path, parameters),
             "rosbag2" => open::<Rosbag2>(&path, parameters),
             "tub" => open::<Tub>(&path, parameters),

@@ -1,4 +1,5 @@
-//! Perturbations of the lens family: rain and snow that stick to the glass in front of the camera and move over it.
+//! Perturbations of the lens family: rain and snow that stick to the glass in front of the camera and move over it, mist and a film of water
+//! on it, and stray light in it.
 //!
 //! What sits on the lens at some time follows from the key and that time alone. Particles are born in cells, one for
 //! each column of the lens and each second, with a stream of random numbers of its own ([`births`]); each has a
@@ -13,9 +14,11 @@
 //! appears and vanishes.
 
 mod births;
+mod condensation;
 mod flakes;
 mod focus;
 mod lens;
+mod lens_flare;
 mod rain;
 mod raindrops_on_lens;
 mod sliders;
@@ -23,8 +26,10 @@ mod snow_cover;
 mod snow_on_lens;
 mod sweep;
 mod water;
+mod water_film;
 
 #[cfg(test)]
+#[path = "../../allocations.rs"]
 mod allocations;
 #[cfg(test)]
 #[path = "../../golden.rs"]
@@ -35,5 +40,11 @@ mod pictures;
 mod tests;
 
 pdk_sdk::export! {
-    perturbations: [raindrops_on_lens::RaindropsOnLens, snow_on_lens::SnowOnLens]
+    perturbations: [
+        condensation::Condensation,
+        lens_flare::LensFlare,
+        raindrops_on_lens::RaindropsOnLens,
+        snow_on_lens::SnowOnLens,
+        water_film::WaterFilm,
+    ]
 }

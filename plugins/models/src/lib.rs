@@ -23,6 +23,8 @@ mod fixture;
 mod gradient_tests;
 #[cfg(test)]
 mod saliency_tests;
+#[cfg(test)]
+mod sanity_tests;
 
 mod driver {
     //! The drivers: [`onnx`] runs a network in a file, the others those that are part of this plugin: [`built_in`] has them by name, and
@@ -64,18 +66,21 @@ mod saliency {
     //!
     //! [`viewer`] opens the model and prepares frames as the driver does. [`derived`] runs graphs that are built from the
     //! model's. A method makes a [`grid`] of cells, which has a sign and is laid over the frame by where the cells look; of recorded frames it
-    //! is [`kept`]. Methods by gradients are in [`cam`] and [`gradient`]; [`eigen_cam`], [`score_cam`], [`rise`] and [`occlusion`] need none,
+    //! is [`kept`]. Methods by gradients are in [`cam`], [`gradient`] and [`along`]; [`eigen_cam`], [`score_cam`], [`rise`] and [`occlusion`] need none,
     //! so that they work with operators whose gradient is not known.
 
+    pub mod along;
     pub mod cam;
     pub mod derived;
     pub mod eigen_cam;
+    pub mod expected_gradients;
     pub mod grad_cam;
     pub mod grad_cam_plus_plus;
     pub mod grad_cam_published;
     pub mod gradient;
     pub mod grid;
     pub mod hirescam;
+    pub mod integrated_gradients;
     pub mod kept;
     pub mod method;
     pub mod occlusion;
@@ -121,6 +126,8 @@ pdk_sdk::export! {
         saliency::grad_cam_published::PublishedGradCam,
         saliency::gradient::Gradient,
         saliency::smooth_grad::SmoothGrad,
+        saliency::integrated_gradients::IntegratedGradients,
+        saliency::expected_gradients::ExpectedGradients,
         saliency::eigen_cam::EigenCam,
         saliency::score_cam::ScoreCam,
         saliency::rise::Rise,

@@ -13,15 +13,19 @@ use tempfile::NamedTempFile;
 use crate::fixture;
 use crate::gradient_tests::engines;
 use crate::saliency::eigen_cam::EigenCam;
+use crate::saliency::expected_gradients::ExpectedGradients;
 use crate::saliency::grad_cam::GradCam;
 use crate::saliency::grad_cam_plus_plus::GradCamPlusPlus;
 use crate::saliency::grad_cam_published::PublishedGradCam;
 use crate::saliency::gradient::Gradient;
 use crate::saliency::hirescam::HiResCam;
+use crate::saliency::integrated_gradients::{Integrated, IntegratedGradients};
+use crate::saliency::method::Method;
 use crate::saliency::occlusion::Occlusion;
 use crate::saliency::rise::Rise;
 use crate::saliency::score_cam::ScoreCam;
 use crate::saliency::smooth_grad::SmoothGrad;
+use crate::saliency::viewer::Viewer;
 
 /// A network that sees brightness in the right half of an image of 32 x 16 and nothing else: a convolution of 4 x 4 with
 /// stride 4, a ReLU, and weights of the cells. `sign` is the sign of those.
@@ -105,9 +109,98 @@ fn finds<M: Component + Saliency + 'static>(more: Value) {
 fn every_method_but_eigen_cam_finds_what_the_network_looks_at() {
     finds::<Gradient>(json!({}));
     finds::<SmoothGrad>(json!({"samples": 4}));
+    finds::<SmoothGrad>(json!({"samples": 4, "statistic": "square"}));
+    finds::<IntegratedGradients>(json!({"steps": 4, "fill": "black"}));
+    let pictures = pictures(&[[0; 3]]);
+    finds::<ExpectedGradients>(json!({"samples": 4, "pictures": pictures.path()}));
     finds::<HiResCam>(json!({}));
     finds::<Occlusion>(json!({"patch": 0.25, "fill": "black"}));
     finds::<Rise>(json!({"samples": 300, "fill": "black"}));
+}
+
+/// A folder with pictures of these colours, and with a file that is none.
+fn pictures(colors: &[[u8; 3]]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (at, color) in colors.iter().enumerate() {
+        let picture = image::RgbImage::from_pixel(64, 48, image::Rgb(*color));
+        picture.save(folder.path().join(format!("{at}.png"))).unwrap();
+    }
+    std::fs::write(folder.path().join("notes.txt"), "none").unwrap();
+    folder
+}
+
+/// A network that is not linear: the hyperbolic tangent of what two filters see in an image of 16 x 8.
+fn bent() -> NamedTempFile {
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 8, 16]);
+    let filter = (0..96).map(|at| (f64::from(at * 37 % 19) - 7.0) / 9.0 / 255.0).collect();
+    let filter = s.weights("filter", Tensor::floats(&[2, 3, 4, 4], filter));
+    s.node("Conv", &["image", &filter], "features", &[("strides", Setting::Ints(&[4, 4]))]);
+    s.node("Flatten", &["features"], "flat", &[]);
+    let weights = (0..32).map(|at| f64::from(at % 5) / 160.0).collect();
+    let weights = s.weights("weights", Tensor::floats(&[16, 2], weights));
+    s.node("MatMul", &["flat", &weights], "sum", &[]);
+    s.node("Tanh", &["sum"], "steering", &[]);
+    save(&s)
+}
+
+#[test]
+fn integrated_gradients_add_up_to_the_difference_of_the_outputs() {
+    let file = bent();
+    let frame = bright(16, 8);
+    let mut black = FrameBuf::new(16, 8);
+    black.as_mut().rows_mut().for_each(|row| row.fill(0));
+    for engine in engines() {
+        let config =
+            config::<IntegratedGradients>(&file, json!({"fill": "black", "steps": 200, "engine": engine}))
+                .unwrap();
+        let mut viewer = Viewer::open(&config).unwrap();
+        let mut method = Integrated::new(&mut viewer, &config).unwrap();
+        let key = Key([7; 32]);
+        let grid = method.grid(&mut viewer, frame.as_ref(), &MapContext::new(0, 0.0, &key)).unwrap();
+        let difference = viewer.answer(frame.as_ref()).unwrap() - viewer.answer(black.as_ref()).unwrap();
+        let sum: f64 = grid.values.iter().sum();
+        assert!(difference.abs() > 0.5, "{difference} would be easy");
+        assert!((sum - difference).abs() < 1e-4, "{engine}: {sum} {difference}");
+    }
+}
+
+#[test]
+fn expected_gradients_of_one_picture_are_integrated_gradients_from_it() {
+    let file = bent();
+    let frame = bright(16, 8);
+    let black = pictures(&[[0; 3]]);
+    let given = json!({"samples": 4000, "sign": "signed", "pictures": black.path()});
+    let expected = map(&mut open::<ExpectedGradients>(&file, given).unwrap(), &frame);
+    let given = json!({"steps": 200, "sign": "signed", "fill": "black"});
+    let integrated = map(&mut open::<IntegratedGradients>(&file, given).unwrap(), &frame);
+    let farthest = expected.iter().zip(&integrated).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(farthest < 0.03, "{farthest}");
+    // Compared with a brighter picture, what is dark contributes, and the other way.
+    let white = pictures(&[[255; 3]]);
+    let given = json!({"samples": 400, "sign": "signed", "pictures": white.path()});
+    let other = map(&mut open::<ExpectedGradients>(&file, given).unwrap(), &frame);
+    assert!(other.iter().zip(&integrated).any(|(a, b)| (a - b).abs() > 0.1));
+
+    let empty = tempfile::tempdir().unwrap();
+    for (folder, expected) in
+        [(empty.path().to_owned(), "has no pictures"), (empty.path().join("none"), "cannot read the folder")]
+    {
+        let error = open::<ExpectedGradients>(&file, json!({"pictures": folder})).err().unwrap().to_string();
+        assert!(error.contains(expected) && error.contains("`pictures`"), "{error}");
+    }
+}
+
+#[test]
+fn the_variance_of_gradients_is_zero_where_a_network_is_linear() {
+    let (linear, frame) = (right_half(1.0), bright(32, 16));
+    let of = |file: &NamedTempFile, statistic: &str, frame: &FrameBuf| {
+        map(&mut open::<SmoothGrad>(file, json!({"samples": 8, "statistic": statistic})).unwrap(), frame)
+    };
+    // Its ReLU is far from 0 on a bright frame.
+    assert!(of(&linear, "variance", &frame).iter().all(|value| *value == 0.0));
+    assert_eq!(of(&linear, "square", &frame).iter().filter(|value| **value == 1.0).count(), 256);
+    assert!(of(&bent(), "variance", &bright(16, 8)).contains(&1.0));
 }
 
 #[test]
@@ -257,6 +350,7 @@ fn a_real_network_is_explained_by_every_method_in_little_time() {
         time::<PublishedGradCam>(&frame, given());
         time::<Gradient>(&frame, given());
         time::<SmoothGrad>(&frame, given());
+        time::<IntegratedGradients>(&frame, given());
         time::<EigenCam>(&frame, given());
         time::<ScoreCam>(&frame, given());
         time::<Occlusion>(&frame, given());

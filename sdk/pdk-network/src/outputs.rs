@@ -272,11 +272,18 @@ impl Known<'_> {
 
     /// An output as people write it.
     fn called(&self, rule: &Rule) -> String {
-        match (rule.index, &rule.bins) {
+        let mut called = match (rule.index, &rule.bins) {
             (Some(index), _) => format!("{}[{index}]", rule.output),
             (None, Some(bins)) => format!("{}, {} bins", rule.output, bins.len()),
             (None, None) => rule.output.clone(),
+        };
+        if rule.scale != 1.0 {
+            called += &format!(" times {}", rule.scale);
         }
+        if rule.offset != 0.0 {
+            called += &format!(" plus {}", rule.offset);
+        }
+        called
     }
 
     /// Checks a rule against the output that it names.

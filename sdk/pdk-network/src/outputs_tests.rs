@@ -32,6 +32,18 @@ fn the_usual_shapes_need_no_description() {
 }
 
 #[test]
+fn scale_and_offset_are_reported() {
+    let value = |steering: Value| {
+        outputs(&[("angle", 1)], json!({"steering": steering})).unwrap().reasons[0].value.clone()
+    };
+    assert_eq!(value(json!("angle")), "angle");
+    assert_eq!(
+        value(json!({"output": "angle", "scale": -0.5, "offset": 0.25})),
+        "angle times -0.5 plus 0.25"
+    );
+}
+
+#[test]
 fn descriptions_choose_among_several() {
     let two = [("t", 1), ("s", 1)];
     assert_eq!(slots(&two, json!({"steering": "s", "throttle": "t"})), ((1, 0), Some((0, 0))));

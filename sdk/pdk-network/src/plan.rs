@@ -20,6 +20,10 @@ const STATE: [&str; 2] = ["_in", "_out"];
 /// The most numbers of an input besides the image: 64 MiB.
 const LARGEST: usize = 1 << 24;
 
+/// Fields that decide what a frame goes through on its way to the image, and that have no guess: they are in force as they were given.
+const ON_THE_WAY: [&str; 9] =
+    ["frame", "crop", "region", "resize", "mean", "std", "dtype", "start", "differences"];
+
 /// How to describe what cannot be guessed.
 const REMEDY: &str = "`pdk new network MODEL.onnx` writes a description to complete";
 
@@ -93,6 +97,12 @@ impl Plan {
         let image = image.ok_or_else(|| Error::new("it has no image among its inputs"))?;
         let color = color(&image, &described, &mut reasons)?;
         let scale = scale(&image, &described, &mut reasons)?;
+        for field in ON_THE_WAY {
+            if let Some((value, place)) = described.given.get(field) {
+                let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+                because(&mut reasons, field, value, format!("{place} says so"), false);
+            }
+        }
         for (name, list) in [("mean", &described.mean), ("std", &described.std)] {
             if list.len() != 1 && list.len() != image.channels {
                 return Err(described.given.wrong(

@@ -47,6 +47,19 @@ fn layout_size_and_stack_follow_from_the_shape() {
 }
 
 #[test]
+fn what_a_frame_goes_through_is_reported_as_it_was_given() {
+    let fields =
+        json!({"crop": {"top": 0.4}, "resize": "pil_bilinear", "scale": "0..1", "mean": [0.5, 0.25, 0.5]});
+    let reasons = plan(&[1, 3, 4, 6], fields).unwrap().reasons;
+    for (field, value) in [("crop", r#"{"top":0.4}"#), ("resize", "pil_bilinear"), ("mean", "[0.5,0.25,0.5]")]
+    {
+        let reason = reasons.iter().find(|reason| reason.subject == field).unwrap();
+        assert_eq!((reason.value.as_str(), reason.why.as_str()), (value, "pilot.toml line 1 says so"));
+    }
+    assert!(reasons.iter().all(|reason| reason.subject != "std"), "{reasons:?}");
+}
+
+#[test]
 fn what_is_only_a_convention_is_reported() {
     let assumed = |shape: &[usize], fields: Value| plan(shape, fields).unwrap().assumptions();
     assert_eq!(assumed(&[1, 3, 4, 6], json!({})).unwrap(), "color rgb, scale 0..255");

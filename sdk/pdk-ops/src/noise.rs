@@ -57,7 +57,7 @@ pub fn speckle_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut
 }
 
 /// Calls `apply` with a block of values, a normal number for each, and where the results go.
-fn each_block(
+pub(crate) fn each_block(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,
     random: &mut Random,

@@ -4,8 +4,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use pdk_ops::{
-    FrameBuf, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg, low_pass,
-    noise, phase, point, poisson, posterize, resize, saturation, scatter, white_balance, zoom,
+    FrameBuf, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg, light,
+    low_pass, noise, phase, point, poisson, posterize, resize, saturation, scatter, sensor, white_balance,
+    zoom,
 };
 use pdk_seed::Key;
 
@@ -48,6 +49,7 @@ fn kernels_allocate_on_the_first_frame_only() {
     let mut averages = average::Workspace::default();
     let mut table = poisson::PoissonTable::new(30.0);
     let mut compression = jpeg::Workspace::default();
+    let (curve, counting) = (light::Light::new(), sensor::Sensor { white: 900.0, read: 3.0 });
     let (mut zooms, mut places) = (zoom::Workspace::default(), scatter::Workspace::default());
     let (mut smooth_value, mut field, mut grain) =
         (low_pass::Workspace::default(), fog::Field::default(), fog::Grain::default());
@@ -57,6 +59,7 @@ fn kernels_allocate_on_the_first_frame_only() {
         let src = src.as_ref();
         let random = || Key([1; 32]).frame(frame);
         point::lookup(src, dst.as_mut(), &[7; 256]);
+        sensor::expose(&curve, src, dst.as_mut(), counting, &mut random(), |_| 0.5);
         point::scale_about(src, dst.as_mut(), 127.5, 1.5);
         blend::blend(src, 0.5, src, dst.as_mut());
         blend::blend_with_grey(src, dst.as_mut(), 0.5);

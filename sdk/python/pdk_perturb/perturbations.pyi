@@ -92,6 +92,29 @@ def biased_speed(
     Not part of the default set.
     """
 
+def bit_errors(
+    level: Level = 2.0,
+    *,
+    errors: ByLevel | None = None,
+    coarseness: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Compresses the frame and lets some bits of the stream arrive wrong: colours and blocks go wrong up to the end of
+    a slice, and what cannot be decoded is that of the frame before.
+
+    errors: probability that a bit is wrong (0 to 0.1; by level 5e-06, 2e-05, 8e-05, 0.0003, 0.001).
+    coarseness: multiple of the quantisation of the standard's annex: 0.5 is a quality of 75 as JPEG has it (0.02 to
+        25; default 0.5).
+    Source: Binary symmetric channel of Shannon (1948); an intra codec of the kind of ITU-T T.81 with codes of
+        Golomb (1966), slices, and concealment by the frame before, as decoders of H.264 do.
+    Not part of the default set.
+    """
+
 def blank_frames(
     level: Level = 2.0,
     *,
@@ -137,6 +160,30 @@ def canny_edges_mapping(
     Source: Canny, A computational approach to edge detection (1986).
     """
 
+def condensation(
+    level: Level = 2.0,
+    *,
+    density: ByLevel | None = None,
+    growth: ByLevel | None = None,
+    wipe: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Mists the glass in front of the camera up, more and more, until a wiper passes and it begins again.
+
+    density: share of the mist where most of it has settled (0 to 1; by level 0.35, 0.55, 0.75, 0.9, 1).
+    growth: how long it takes until 63 % of it is there (s; 0.01 to 10000; by level 12, 8, 5, 3, 2).
+    wipe: how often the wiper passes; 0 for never, with the mist that has grown in a minute (s; 0 to 10000; default
+        10.0).
+    Source: Condensation is among the camera failures of Secci and Ceccarelli, On failures of RGB cameras and their
+        effects in autonomous driving applications (2020); it grows as the difference to saturation falls.
+    Not part of the default set.
+    """
+
 def contrast(
     level: Level = 2.0,
     *,
@@ -171,6 +218,31 @@ def cutout_filter(
     rectangles: number of rectangles, rounded to the nearest whole number; their sides are 5 % to 20 % of the
         frame's (0 to 10000; by level 1, 2, 4, 6, 10).
     Source: DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017).
+    """
+
+def defective_pixels(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    lines: ByLevel | None = None,
+    show: Literal["any", "hot", "dead"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes photosites of the sensor dead, hot or stuck, and rows and columns as well, each of which spreads to its
+    neighbours where colours are interpolated.
+
+    share: share of the photosites that are defective (0 to 0.2; by level 0.0002, 0.001, 0.004, 0.015, 0.05).
+    lines: how many rows, and how many columns, are defective (0 to 32; by level 0, 1, 2, 4, 8).
+    show: what defects show: any: white, black or a value at which they are stuck; hot: white; dead: black (default
+        "any").
+    Source: Hot, dead and stuck pixels as in EMVA 1288; bilinear interpolation of the pattern of Bayer, US patent
+        3971065 (1976).
+    Not part of the default set.
     """
 
 def defocus_blur(
@@ -493,6 +565,27 @@ def elastic(
         document analysis (2003).
     """
 
+def exposure_hunting(
+    level: Level = 2.0,
+    *,
+    swing: ByLevel | None = None,
+    period: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets the exposure swing around its aim, as automatic exposure does that corrects too much and too late.
+
+    swing: how far the exposure swings to either side (stops; 0 to 8; by level 0.3, 0.6, 1, 1.5, 2.2).
+    period: how long a swing and the one back take (s; 0.02 to 1000; default 1.6).
+    Source: Oscillation of a control loop with too much gain and dead time; exposure in stops, light by IEC
+        61966-2-1 (sRGB).
+    Not part of the default set.
+    """
+
 def false_color_filter(
     level: Level = 2.0,
     *,
@@ -512,6 +605,69 @@ def false_color_filter(
     variant: published: the sums of effect 4 wrap at 256, so what is bright comes out dark; corrected: they do not
         (default "published").
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added.
+    """
+
+def flicker(
+    level: Level = 2.0,
+    *,
+    depth: ByLevel | None = None,
+    frequency: float | None = None,
+    readout: float | None = None,
+    exposure: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lights the scene with lamps that flicker, so that bright and dark bands wander through the frame as its rows are
+    read.
+
+    depth: how much the light of the lamps goes up and down, as a share of its mean (0 to 1; by level 0.1, 0.2, 0.4,
+        0.65, 1).
+    frequency: how often the lamps flicker: twice the frequency of the mains (Hz; 0.1 to 10000; default 100.0).
+    readout: how long it takes to read all rows (s; 0 to 1; default 0.02).
+    exposure: how long a row is exposed, which evens the flicker out (s; 0 to 1; default 0.004).
+    Source: Modulation of lamps as in IEEE 1789-2015, read by a rolling shutter; light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
+    """
+
+def fog_by_visibility(
+    level: Level = 2.0,
+    *,
+    visibility: ByLevel | None = None,
+    of: Literal["fog", "dust"] | None = None,
+    air: float | None = None,
+    depth: Literal["ground", "simulator"] | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    beyond: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Puts fog or dust between the camera and the scene that leaves a visibility in metres, so that what is further
+    away fades more.
+
+    visibility: how far one sees: fog begins at 1000 m, and is dense below 200 m and very dense below 50 m (m; 1 to
+        100000; by level 1000, 500, 200, 100, 50).
+    of: what is in the air: grey fog, or dust, which is brown (default "fog").
+    air: grey of the fog itself: 0 is black, 255 white (0 to 255; default 205.0).
+    depth: where distances come from: ground: what is below the horizon lies on a plane, and all above it is
+        `beyond` away; simulator: as the simulator knows them (default "ground").
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    beyond: how far away everything above the horizon is, and the furthest that the ground is; only with
+        `depth=ground` (m; 1 to 100000; default 150.0).
+    Source: Koschmieder, Theorie der horizontalen Sichtweite (1924); the visibility is the meteorological optical
+        range of the WMO, at which 5 % of the light is left; light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
     """
 
 def fog_filter(
@@ -1261,6 +1417,32 @@ def late_speed(
     Not part of the default set.
     """
 
+def lens_flare(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    source: Literal["drawn", "placed"] | None = None,
+    x: float | None = None,
+    y: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Puts a bright source, such as the sun or a lamp, in front of the camera, with the veil, the rays and the images
+    of the aperture that it makes in the lens.
+
+    strength: how bright the stray light is (0 to 100; by level 0.3, 0.7, 1.5, 3, 6).
+    source: drawn: the source is somewhere in the upper part of the frame; placed: at `x` and `y` (default "drawn").
+    x: place of the source as a share of the width; only with `source=placed` (-1 to 2; default 0.7).
+    y: place of the source as a share of the height; only with `source=placed` (-1 to 2; default 0.12).
+    Source: Veiling glare and ghosts as in ISO 18844:2017 and Hullin et al., Physically-based real-time lens flare
+        rendering (2011).
+    Not part of the default set.
+    """
+
 def limited_controls(
     level: Level = 2.0,
     *,
@@ -1414,6 +1596,55 @@ def night(
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else tract (default "auto").
     Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
+    Not part of the default set.
+    """
+
+def night_by_illuminance(
+    level: Level = 2.0,
+    *,
+    illuminance: ByLevel | None = None,
+    beam: Literal["low", "high", "off"] | None = None,
+    intensity: float | None = None,
+    daylight: float | None = None,
+    stops: float | None = None,
+    longer: float | None = None,
+    full_well: float | None = None,
+    read: float | None = None,
+    depth: Literal["ground", "simulator"] | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    beyond: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Takes the daylight away down to an illuminance, lights the road with headlights, and exposes as a camera does by
+    night, longer and with more noise.
+
+    illuminance: light that is left besides the headlights: 400 at sunset, 40 in a street with lamps, 3.4 when civil
+        twilight ends, 0.27 under a full moon, 0.002 under stars (lx; 0 to 100000; by level 400, 40, 3.4, 0.27,
+        0.002).
+    beam: how the headlights are set (default "low").
+    intensity: luminous intensity of the headlights where they are brightest (cd; 0 to 1e+06; default 25000.0).
+    daylight: illuminance under which the frame was taken (lx; 1 to 200000; default 10000.0).
+    stops: how much more the camera can expose and amplify than by day (stops; 0 to 24; default 9.0).
+    longer: how much of that is a longer exposure, which costs no electrons (stops; 0 to 24; default 4.0).
+    full_well: electrons of white by day (electrons; 10 to 1e+06; default 10000.0).
+    read: noise of reading the sensor out (electrons; 0 to 1000; default 4.0).
+    depth: where distances come from: ground: what is below the horizon lies on a plane, and all above it is
+        `beyond` away; simulator: as the simulator knows them (default "ground").
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    beyond: how far away everything above the horizon is, and the furthest that the ground is; only with
+        `depth=ground` (m; 1 to 100000; default 150.0).
+    Source: Illuminance by dusk and night as in Bond and Henderson, The conspicuity of emergency vehicle lighting
+        (1963); beam after the test points of UNECE regulation 112; reflection of the road by EN 1436; noise by EMVA
+        1288; light by IEC 61966-2-1 (sRGB).
     Not part of the default set.
     """
 
@@ -1609,6 +1840,45 @@ def quantised_controls(
     Not part of the default set.
     """
 
+def rain_by_rate(
+    level: Level = 2.0,
+    *,
+    rate: ByLevel | None = None,
+    exposure: float | None = None,
+    speed: float | None = None,
+    sky: float | None = None,
+    depth: Literal["ground", "simulator"] | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    beyond: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets it rain at a rate: near drops are streaks in front of what is further away, and the others take contrast
+    from the distance.
+
+    rate: how much it rains: slight below 2.5, moderate to 10, heavy to 50, violent above (mm/h; 0 to 300; by level
+        1, 4, 12, 35, 80).
+    exposure: how long the camera exposes, in which what falls becomes a streak (s; 0.0001 to 0.1; default 0.012).
+    speed: how fast the vehicle drives into it (m/s; 0 to 60; default 8.0).
+    sky: grey of the sky that streaks and haze show: 0 is black, 255 white (0 to 255; default 215.0).
+    depth: where distances come from: ground: what is below the horizon lies on a plane, and all above it is
+        `beyond` away; simulator: as the simulator knows them (default "ground").
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    beyond: how far away everything above the horizon is, and the furthest that the ground is; only with
+        `depth=ground` (m; 1 to 100000; default 150.0).
+    Source: Sizes by Marshall and Palmer, The distribution of raindrops with size (1948); fall by Atlas and Ulbrich
+        (1977); streaks as in Garg and Nayar, Vision and rain (2007); haze by Koschmieder's law.
+    Not part of the default set.
+    """
+
 def raindrops_on_lens(
     level: Level = 2.0,
     *,
@@ -1750,6 +2020,30 @@ def repaint(
     Not part of the default set.
     """
 
+def rolling_shutter(
+    level: Level = 2.0,
+    *,
+    readout: ByLevel | None = None,
+    vibration: ByLevel | None = None,
+    frequency: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Reads the rows of a frame one after the other, so that a turn shears the picture, and the vibration of the mount
+    makes it wobble.
+
+    readout: how long it takes to read all rows (s; 0 to 1; by level 0.01, 0.02, 0.03, 0.04, 0.05).
+    vibration: how far the mount vibrates to either side, as a share of the width (0 to 0.2; by level 0.001, 0.002,
+        0.005, 0.01, 0.02).
+    frequency: how often the mount vibrates (Hz; 0 to 1000; default 35.0).
+    Source: Liang, Chang and Chen, Analysis and compensation of rolling shutter effect (2008).
+    Not part of the default set.
+    """
+
 def rotate_image(
     level: Level = 2.0,
     *,
@@ -1840,6 +2134,39 @@ def scale_image(
     Source: Linear interpolation without averaging.
     """
 
+def sensor_noise(
+    level: Level = 2.0,
+    *,
+    illuminance: ByLevel | None = None,
+    aperture: float | None = None,
+    exposure: float | None = None,
+    pitch: float | None = None,
+    efficiency: float | None = None,
+    read: float | None = None,
+    full_well: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Takes the frame with a camera in little light, whose sensor counts few electrons, and amplifies it to the
+    brightness that it had.
+
+    illuminance: light on the scene: 300 in a lit tunnel, 50 in a lit street, 2 at the end of civil twilight (lx;
+        0.001 to 200000; by level 300, 50, 10, 2, 0.5).
+    aperture: the f-number: focal length by diameter (0.5 to 64; default 2.0).
+    exposure: how long the camera exposes (s; 1e-05 to 1; default 0.01).
+    pitch: the side of a pixel of the sensor (um; 0.5 to 30; default 3.0).
+    efficiency: electrons for each photon (0.01 to 1; default 0.6).
+    read: noise of reading the sensor out (electrons; 0 to 1000; default 2.5).
+    full_well: electrons that a pixel holds (electrons; 10 to 1e+06; default 10000.0).
+    Source: EMVA 1288; illuminance behind a lens E / (4 N^2); 1.1e4 photons of daylight in a lux second and a square
+        micrometre; light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
+    """
+
 def sharpen_filter(
     level: Level = 2.0,
     *,
@@ -1897,6 +2224,46 @@ def slow_controls(
         1000; by level 1, 0.5, 0.25, 0.12, 0.06).
     throttle: how far throttle and brake move in a second, likewise (1/s; 0 to 1000; default 1000.0).
     Source: Rate limit of an actuator, as in Rajamani, Vehicle dynamics and control (2012).
+    Not part of the default set.
+    """
+
+def snow_by_rate(
+    level: Level = 2.0,
+    *,
+    rate: ByLevel | None = None,
+    exposure: float | None = None,
+    speed: float | None = None,
+    sky: float | None = None,
+    depth: Literal["ground", "simulator"] | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    beyond: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets it snow at a rate: near flakes are streaks in front of what is further away, and the others hide the
+    distance.
+
+    rate: how much it snows, as water: light below 1, moderate to 2.5, heavy above (mm/h; 0 to 30; by level 0.1,
+        0.3, 1, 2.5, 6).
+    exposure: how long the camera exposes, in which what falls becomes a streak (s; 0.0001 to 0.1; default 0.012).
+    speed: how fast the vehicle drives into it (m/s; 0 to 60; default 8.0).
+    sky: grey of the sky that streaks and haze show: 0 is black, 255 white (0 to 255; default 215.0).
+    depth: where distances come from: ground: what is below the horizon lies on a plane, and all above it is
+        `beyond` away; simulator: as the simulator knows them (default "ground").
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    beyond: how far away everything above the horizon is, and the furthest that the ground is; only with
+        `depth=ground` (m; 1 to 100000; default 150.0).
+    Source: Sizes by Sekhon and Srivastava, Snow size spectra and radar reflectivity (1970); density by Brandes et
+        al., A statistical and physical description of hydrometeor distributions in Colorado snowstorms (2007); fall
+        by Locatelli and Hobbs (1974); haze by Koschmieder's law.
     Not part of the default set.
     """
 
@@ -2173,6 +2540,28 @@ def steering_play(
     Not part of the default set.
     """
 
+def stuck_white_balance(
+    level: Level = 2.0,
+    *,
+    stuck: ByLevel | None = None,
+    scene: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Balances colours for the light of lamps by day, as a camera does whose white balance is stuck.
+
+    stuck: the light for which colours are balanced: below that of the scene, the picture turns blue; above, it
+        turns orange (K; 1667 to 25000; by level 5400, 4500, 3700, 3000, 2300).
+    scene: the light of the scene (K; 1667 to 25000; default 6500.0).
+    Source: Colour of black bodies by Kim et al., Design of advanced color temperature control system for HDTV
+        applications (2002); gains as von Kries has them, in light by IEC 61966-2-1 (sRGB).
+    Not part of the default set.
+    """
+
 def translate_image(
     level: Level = 2.0,
     *,
@@ -2195,6 +2584,71 @@ def translate_image(
     variant: published: shift in pixels, a tenth of a pixel in the other direction at level 0; corrected: shares of
         the frame's size (default "published").
     Source: Shift with linear interpolation at 1/32 px.
+    """
+
+def water_film(
+    level: Level = 2.0,
+    *,
+    bend: ByLevel | None = None,
+    flow: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lets a film of water run down the glass in front of the camera, whose waves bend what is seen.
+
+    bend: how far the steepest waves bend the light, in heights of the frame (0 to 0.2; by level 0.004, 0.008,
+        0.016, 0.03, 0.05).
+    flow: how fast the film runs down, in heights of the frame a second (1/s; 0 to 10; default 0.25).
+    Source: Refraction by a thin film, of first order in its slope, as in Halimeh and Roser, Raindrop detection on
+        car windshields using geometric-photometric environment construction (2009).
+    Not part of the default set.
+    """
+
+def wet_road(
+    level: Level = 2.0,
+    *,
+    film: ByLevel | None = None,
+    puddles: ByLevel | None = None,
+    beside: float | None = None,
+    texture: float | None = None,
+    speed: float | None = None,
+    depth: Literal["ground", "simulator"] | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    beyond: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Puts a film of water on the ground, which is darker then and mirrors what is above the horizon, with puddles if
+    there is much of it.
+
+    film: how thick the water is: a damp road up to one under heavy rain (mm; 0 to 100; by level 0.05, 0.15, 0.4,
+        0.8, 1.5).
+    puddles: share of the ground that lies under puddles (0 to 1; by level 0, 0, 0.02, 0.07, 0.2).
+    beside: how far the road reaches to either side of the camera; what lies further away stays dry (m; 0 to 1000;
+        default 5.0).
+    texture: how deep the texture of the road is, which stands out of thin films (mm; 0.01 to 10; default 0.8).
+    speed: how fast the vehicle drives if it is not known how far it has driven (m/s; 0 to 60; default 8.0).
+    depth: where distances come from: ground: what is below the horizon lies on a plane, and all above it is
+        `beyond` away; simulator: as the simulator knows them (default "ground").
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    beyond: how far away everything above the horizon is, and the furthest that the ground is; only with
+        `depth=ground` (m; 1 to 100000; default 150.0).
+    Source: Darkening by Lekner and Dorf, Why some things are darker when wet (1988); reflection by Fresnel's
+        equations; thickness of films and depth of texture as in Gallaway et al., Tentative pavement and geometric
+        design criteria for minimizing hydroplaning (1975).
+    Not part of the default set.
     """
 
 def white_balance_filter(

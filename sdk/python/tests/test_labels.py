@@ -86,7 +86,7 @@ def test_what_cannot_say_where_it_moves_things_is_refused(image):
     transform = Transform("sample_pairing_filter@2")
     assert transform(image=image, label=3)["label"] == 3
     for labels in ({"mask": image[:, :, 0]}, {"bboxes": [[1, 2, 3, 4]]}, {"keypoints": [[1, 2]]}):
-        with pytest.raises(pdk.Error, match="sample_pairing_filter.*cannot say"):
+        with pytest.raises(pdk.Error, match="sample_pairing_filter.*cannot describe"):
             transform(image=image, **labels)
     with pytest.raises(pdk.Error, match="in a part of the frame only"):
         pdk.move_points([[1, 2]], {"name": "rotate_image", "region": {"box": [0, 0, 1, 0.5]}}, size=SIZE)

@@ -180,11 +180,12 @@ fn a_cache_passes_and_what_changes_without_an_effect_is_noted() {
         "{}",
         checked.stdout
     );
-    assert!(
-        checked
-            .stdout
-            .contains("note add `family`, `mathematics` and `source`; `pdk show counts` prints them")
-    );
+    assert!(checked.stdout.contains(
+        "note add `family`, `mathematics` and `source`; `pdk --plugins . show counts` prints them"
+    ));
+    Pdk::new(["--plugins", ".", "show", "counts"]).folder(folder.path()).succeed();
+    let hint = "for counts.lua in this folder, write `pdk --plugins . show counts`";
+    Pdk::new(["show", "counts"]).folder(folder.path()).fail(1, &[hint]);
     let json = Pdk::new(["check", "--json", "counts.lua"]).folder(folder.path()).succeed().json();
     assert_eq!(json["notes"].as_array().unwrap().len(), 2, "{json}");
 }

@@ -336,6 +336,34 @@ fn recordings_stay_recordings_and_mirrors_turn_the_steering() {
         .fail(1, &["neither a folder nor a dataset reader"]);
 }
 
+#[test]
+fn a_plain_copy_says_what_was_recorded_and_what_was_not() {
+    let folder = temp();
+    let data = folder.path().join("drive");
+    fs::create_dir(&data).unwrap();
+    // The throttle was not recorded.
+    let mut table = "image,steering,speed\n".to_owned();
+    for number in 0..4_u32 {
+        pictures::road(48, 32, number).save(data.join(format!("{number}.png"))).unwrap();
+        table += &format!("{number}.png,{},{}\n", datasets::steering(number), 2.5 + f64::from(number));
+    }
+    fs::write(data.join("log.csv"), table).unwrap();
+    let plain = ["--with", "contrast@0", "--plain"];
+    corrupt(folder.path(), "csv,path=drive", &plain, "once").succeed();
+    let copy = "once/contrast/0";
+    corrupt(folder.path(), &format!("folder,path={copy}"), &plain, "twice").succeed();
+    for number in 0..4_u32 {
+        let name = format!("contrast/0/record_{number:06}.json");
+        let [once, twice] = ["once", "twice"].map(|out| json_file(&folder.path().join(out).join(&name)));
+        assert_eq!(
+            (&once["user/throttle"], once["enc/speed"].as_f64()),
+            (&Value::Null, Some(2.5 + f64::from(number)))
+        );
+        assert_eq!(once["user/angle"].as_f64(), Some(datasets::steering(number)));
+        assert_eq!(once, twice);
+    }
+}
+
 /// A plugin that mirrors pictures.
 const MIRROR: &str = "return { doc = 'Mirror', apply = function(image, cx)
         local pixels, width = image.pixels, image.width

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod corrupt;
+mod damaged_streams;
 mod geometry;
 mod gradient;
 mod masks;

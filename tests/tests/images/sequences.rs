@@ -112,7 +112,8 @@ fn a_network_with_another_preprocessing_is_not_ranked() {
     assert_eq!(ran.code, Some(1), "{}", ran.stderr);
     let found = "driver `onnx` steers to a limit (-1 or 1) on 9";
     assert!(
-        ran.stderr.contains(found) && ran.stderr.contains("check its preprocessing with `pdk show "),
+        ran.stderr.contains(found)
+            && ran.stderr.contains("check its preprocessing and the scale of its steering with `pdk show "),
         "{}",
         ran.stderr
     );

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod determinism;
+mod digests;
 mod identity;
 mod processors;
 mod unchanged;

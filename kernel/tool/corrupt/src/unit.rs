@@ -328,19 +328,19 @@ impl<'a> Worker<'a> {
             if job.options.labels == LabelsOption::Drop {
                 continue;
             }
-            let Entry { steering, throttle, time, .. } = situation.entry;
-            let told = hash(format!("{steering:?} {throttle:?} {time:?}").as_bytes());
+            let Entry { steering, throttle, time, speed, .. } = situation.entry;
+            let told = hash(format!("{steering:?} {throttle:?} {time:?} {speed:?}").as_bytes());
             self.make(condition, (&record, &told, Some(seed)), report, |worker| {
                 let moved = *moves && job.options.labels == LabelsOption::Move;
                 let mirrored = moved && worker.mirrored(condition, &situation)?;
                 let steering = if mirrored { -steering } else { steering };
                 let milliseconds = (time * 1000.0).round();
-                let mut record = json!({ "user/mode": "user", "milliseconds": milliseconds });
-                // What was not recorded is left out.
-                for (name, value) in [("user/angle", steering), ("user/throttle", throttle)] {
-                    if value.is_finite() {
-                        record[name] = value.into();
-                    }
+                // A steering or throttle that was not recorded is not a number, which becomes `null`.
+                let mut record = json!({
+                    "user/mode": "user", "milliseconds": milliseconds, "user/angle": steering, "user/throttle": throttle
+                });
+                if speed.is_finite() {
+                    record["enc/speed"] = speed.into();
                 }
                 Ok(serde_json::to_vec(&record)?)
             })?;

@@ -37,7 +37,7 @@ impl<R: Rule> Method for Cam<R> {
         }
     }
 
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self> {
         let graph = graph(viewer)?;
         let layer = named_layer(&graph, viewer, config)?;
         let targets = if R::ONE { vec![viewer.target()?] } else { viewer.driving()? };

@@ -141,6 +141,11 @@ impl Derived {
         self.compute(viewer)
     }
 
+    /// Numbers of an image by channel, for a graph whose layer is the image.
+    pub fn planes(&self, image: &[f32]) -> Planes {
+        Planes::new(&self.layer, image)
+    }
+
     fn compute(&mut self, viewer: &Viewer) -> Result<Vec<Planes>> {
         self.inputs.move_at(viewer.speed())?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
@@ -183,6 +188,21 @@ impl Planes {
     /// Adds the values of another one of the same layer.
     pub fn add(&mut self, other: &Self) {
         self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// Adds the squares of the values of another one of the same layer.
+    pub fn add_squares(&mut self, other: &Self) {
+        self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value * value);
+    }
+
+    /// Changes each value, given the one of another one of the same layer.
+    pub fn change(&mut self, other: &Self, to: impl Fn(f64, f64) -> f64) {
+        self.values.iter_mut().zip(&other.values).for_each(|(value, other)| *value = to(*value, *other));
+    }
+
+    /// As many values, all zero.
+    pub fn zeros(&self) -> Self {
+        Self { values: vec![0.0; self.values.len()], ..*self }
     }
 
     /// The values of each channel, row by row.

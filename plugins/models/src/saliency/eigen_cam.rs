@@ -28,7 +28,7 @@ impl Method for Eigen {
         layer_parameters(common_parameters(description)).parameter(sign_parameter())
     }
 
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self> {
         let graph = graph(viewer)?;
         let layer = named_layer(&graph, viewer, config)?;
         Ok(Self { derived: Derived::forward(&graph, viewer, layer)? })

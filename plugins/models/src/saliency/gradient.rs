@@ -44,7 +44,7 @@ impl Method for Plain {
         parameters(description).parameter(sign_parameter())
     }
 
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self> {
         Ok(Self { derived: open(viewer)?, sign: Sign::of(config.text("sign")) })
     }
 

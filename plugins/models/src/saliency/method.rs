@@ -12,14 +12,25 @@ use crate::model_file;
 
 /// How a frame becomes a grid.
 pub trait Method: Send + Sized {
+    /// Whether the network, the parameters and the frame are all that its maps of recorded frames depend on, so that they can be kept.
+    const KEPT: bool = true;
+
     /// Name, documentation and parameters, those that all methods have among them.
     fn description() -> Description;
+
+    /// Files that it reads besides the model.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    fn input_files(_config: &Config) -> Result<Vec<InputFiles>> {
+        Ok(Vec::new())
+    }
 
     /// Prepares the method for a model.
     ///
     /// # Errors
     /// If the model does not have what the method needs.
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self>;
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self>;
 
     /// How its numbers become values from 0 to 1.
     fn sign(config: &Config) -> Sign {
@@ -52,9 +63,9 @@ impl<M: Method> Component for Map<M> {
 
     fn new(config: &Config) -> Result<Self> {
         let open = || {
-            let viewer = Viewer::open(config)?;
-            let method = M::new(&viewer, config)?;
-            let kept = Kept::new(&M::description(), config, &viewer);
+            let mut viewer = Viewer::open(config)?;
+            let method = M::new(&mut viewer, config)?;
+            let kept = if M::KEPT { Kept::new(&M::description(), config, &viewer) } else { None };
             Ok(Self { method, viewer, sign: M::sign(config), by_cell: config.text("size") == "layer", kept })
         };
         open().map_err(|error: Error| error.at(format!("model `{}`", config.text("model"))))
@@ -62,7 +73,11 @@ impl<M: Method> Component for Map<M> {
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
         let model = config.text("model");
-        Ok(if built_in::content(model).is_some() { Vec::new() } else { model_file::files_beside(model) })
+        let mut files = M::input_files(config)?;
+        if built_in::content(model).is_none() {
+            files.extend(model_file::files_beside(model));
+        }
+        Ok(files)
     }
 }
 

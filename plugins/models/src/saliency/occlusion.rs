@@ -34,7 +34,7 @@ impl Method for Patches {
             .parameter(fill_parameter())
     }
 
-    fn new(_: &Viewer, config: &Config) -> Result<Self> {
+    fn new(_: &mut Viewer, config: &Config) -> Result<Self> {
         Ok(Self { patch: config.number("patch"), fill: config.text("fill").to_owned() })
     }
 

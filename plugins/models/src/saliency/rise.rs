@@ -39,7 +39,7 @@ impl Method for Masks {
             .parameter(fill_parameter())
     }
 
-    fn new(_: &Viewer, config: &Config) -> Result<Self> {
+    fn new(_: &mut Viewer, config: &Config) -> Result<Self> {
         Ok(Self {
             samples: config.integer("samples") as usize,
             cells: config.integer("cells") as usize,

@@ -29,7 +29,7 @@ impl Method for Score {
         layer_parameters(parameters(description)).parameter(sign_parameter()).parameter(fill_parameter())
     }
 
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self> {
         let graph = graph(viewer)?;
         let layer = named_layer(&graph, viewer, config)?;
         Ok(Self { derived: Derived::forward(&graph, viewer, layer)?, fill: config.text("fill").to_owned() })

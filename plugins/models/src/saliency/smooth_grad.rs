@@ -1,4 +1,4 @@
-//! SmoothGrad: the gradient of the output with respect to the pixels, averaged over frames with noise.
+//! SmoothGrad: the gradient of the output with respect to the pixels over frames with noise: its mean, the mean of its square, or its variance.
 
 use pdk_sdk::prelude::*;
 
@@ -17,6 +17,15 @@ pub struct Smooth {
     sign: Sign,
     samples: usize,
     noise: f64,
+    statistic: Statistic,
+}
+
+/// What is taken of the gradients at frames with noise.
+#[derive(Clone, Copy, PartialEq)]
+enum Statistic {
+    Mean,
+    Square,
+    Variance,
 }
 
 impl Method for Smooth {
@@ -26,8 +35,14 @@ impl Method for Smooth {
             "The mean gradient with respect to each pixel over frames with noise",
         )
         .family("gradient")
-        .source("Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017)")
-        .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` if the sign matters")
+        .source(
+            "Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017); its square: Hooker et al., \"A Benchmark for \
+             Interpretability Methods in Deep Neural Networks\" (2019); its variance: Adebayo et al., \"Local Explanation Methods for Deep \
+             Neural Networks Lack Sensitivity to Parameter Values\" (2018)",
+        )
+        .mathematics(
+            "`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` if the sign matters; `max_c E[g_c²]` and `max_c Var[g_c]` for the others",
+        )
         .drawn_per_frame("the noise");
         parameters(description)
             .parameter(sign_parameter())
@@ -42,14 +57,24 @@ impl Method for Smooth {
                 )
                 .range(0.0, 1.0),
             )
+            .parameter(Parameter::choice(
+                "statistic",
+                &["mean", "square", "variance"],
+                "what is taken of the gradients: their mean, the mean of their squares, or their variance; the last two have no sign",
+            ))
     }
 
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
+    fn new(viewer: &mut Viewer, config: &Config) -> Result<Self> {
         Ok(Self {
             derived: open(viewer)?,
             sign: Sign::of(config.text("sign")),
             samples: config.integer("samples") as usize,
             noise: config.number("noise"),
+            statistic: match config.text("statistic") {
+                "square" => Statistic::Square,
+                "variance" => Statistic::Variance,
+                _ => Statistic::Mean,
+            },
         })
     }
 
@@ -65,20 +90,28 @@ impl Method for Smooth {
         let deviation = self.noise * f64::from(high - low);
         let mut random = cx.frame_random();
         let mut noisy = plain.clone();
-        let mut mean: Option<Planes> = None;
+        let mut sums: Option<[Planes; 2]> = None;
         for _ in 0..self.samples {
             for (to, from) in noisy.iter_mut().zip(&plain) {
                 *to = (f64::from(*from) + deviation * random.normal()) as f32;
             }
-            let planes = self.derived.run_on(viewer, &noisy)?.pop();
-            match (&mut mean, planes) {
-                (Some(mean), Some(planes)) => mean.add(&planes),
-                (mean, planes) => *mean = planes,
-            }
+            let Some(gradient) = self.derived.run_on(viewer, &noisy)?.pop() else { continue };
+            let [sum, squares] = sums.get_or_insert_with(|| [gradient.zeros(), gradient.zeros()]);
+            sum.add(&gradient);
+            squares.add_squares(&gradient);
         }
         let mut grid = empty(&self.derived.layer);
-        if let Some(mean) = mean {
-            join(&mean, self.sign, &mut grid);
+        if let Some([mut sum, squares]) = sums {
+            let count = self.samples as f64;
+            match self.statistic {
+                Statistic::Mean => {}
+                Statistic::Square => sum.change(&squares, |_, square| square),
+                // Where all gradients are alike, rounding may leave less than nothing.
+                Statistic::Variance => {
+                    sum.change(&squares, |sum, square| (square - sum * sum / count).max(0.0));
+                }
+            }
+            join(&sum, self.sign, &mut grid);
         }
         Ok(grid)
     }

@@ -112,7 +112,7 @@ pub trait Simulator: Send {
 /// The error of a simulator that does not know depths.
 fn no_depth() -> Error {
     Error::new(
-        "it does not report how far away pixels are, which `nearer` and `farther` need; use a simulator that does",
+        "it does not report how far away pixels are, which `nearer`, `farther` and `depth=simulator` need; use a simulator that does",
     )
 }
 

@@ -129,7 +129,9 @@ impl Check {
 /// Where to look for the mistake.
 fn remedy(driver: &ComponentSpec) -> String {
     match driver.parameters.get("model").and_then(Value::as_str) {
-        Some(model) => format!("check its preprocessing with `pdk show {model}`"),
+        Some(model) => {
+            format!("check its preprocessing and the scale of its steering with `pdk show {model}`")
+        }
         None => format!("check with `pdk show {}` how it reads frames", driver.name),
     }
 }
@@ -199,8 +201,8 @@ mod tests {
         assert_eq!(
             worse,
             "driver `onnx` is worse than a constant on the frames as they are: its mean absolute steering error is 0.518, and that \
-             of the constant 0.100 is 0.250, so what perturbations do to it says nothing; check its preprocessing with \
-             `pdk show pilot.onnx`, or set trust=true to rank it all the same"
+             of the constant 0.100 is 0.250, so what perturbations do to it says nothing; check its preprocessing and the scale of its \
+             steering with `pdk show pilot.onnx`, or set trust=true to rank it all the same"
         );
         assert!(judged(|_| 1.0).unwrap().contains("steers to a limit (-1 or 1) on 100 % of the frames"));
         assert!(

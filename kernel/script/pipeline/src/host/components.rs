@@ -9,6 +9,7 @@ use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::session::Session;
+use serde_json::Value;
 
 /// A component, by its kind and what it is made from.
 pub(super) type Key = (Kind, String);
@@ -48,9 +49,10 @@ impl Components {
         }
         let made = session.make(kind, component)?;
         for (_, assumed) in made.info.iter().filter(|(name, _)| name == ASSUMED) {
+            let model = component.parameters.get("model").and_then(Value::as_str).unwrap_or("FILE.onnx");
             pdk_notice::eprintln!(
-                "pdk: notice: {kind} `{component}` assumes {assumed}: nothing says otherwise; if that is wrong, so is what it does; describe the network \
-                 in a file beside it, which `pdk new network MODEL.onnx` begins"
+                "pdk: notice: {kind} `{component}` assumes {assumed}, because nothing says otherwise; if that is wrong, describe the network \
+                 in a file beside it; `pdk new network {model}` writes one to complete"
             );
         }
         self.made.insert(key, made.clone());

@@ -1,6 +1,6 @@
 //! `pdk show`: a component with its parameters, or the network in a file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::Entry;
 use pdk_notice::println;
@@ -45,7 +45,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let found: Vec<_> = all().filter(|component| component.description.name == arguments.name).collect();
     if found.is_empty() {
         let names: Vec<_> = all().map(|component| component.description.name.as_str()).collect();
-        let hint = suggest::hint(&arguments.name, names.iter().copied());
+        let script = format!("{}.lua", arguments.name);
+        let hint = match Path::new(&script).is_file() {
+            true => format!("for {script} in this folder, write `pdk --plugins . show {}`", arguments.name),
+            false => suggest::hint(&arguments.name, names.iter().copied()),
+        };
         return Err(Error::new(format!("there is no component `{}`; {hint}", arguments.name)));
     }
     if global.json {

@@ -37,7 +37,7 @@ pub fn work(arguments: &Arguments, skipped: usize) {
         components: vec![format!("{} `{}`", description.kind, description.name)],
     });
     if skipped == 0
-        && let Some(note) = unsaid(&description)
+        && let Some(note) = unsaid(&description, &arguments.plugin)
     {
         report(&Report::Note(note));
     }
@@ -73,7 +73,7 @@ fn load(arguments: &Arguments) -> Result<Description> {
 }
 
 /// What the pages about a perturbation have and this one does not say, as a sentence.
-fn unsaid(description: &Description) -> Option<String> {
+fn unsaid(description: &Description, file: &Path) -> Option<String> {
     let fields = [
         ("family", &description.family),
         ("mathematics", &description.mathematics),
@@ -86,8 +86,10 @@ fn unsaid(description: &Description) -> Option<String> {
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
     };
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(format!(
-        "add {missing}; `pdk show {}` prints {}",
+        "add {missing}; `pdk --plugins {} show {}` prints {}",
+        folder.display(),
         description.name,
         if missing.contains(' ') { "them" } else { "it" }
     ))

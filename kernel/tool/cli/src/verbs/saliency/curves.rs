@@ -5,6 +5,8 @@
 //! first; the sooner the steering returns, the more faithful. Both areas are the mean distance from the steering on the whole
 //! frame, so that more is better for deletion and less for insertion (Petsiuk et al., 2018, for numbers instead of classes).
 //!
+//! Sensitivity and infidelity: how well the map says what patches of the frame matter ([`super::patches`]).
+//!
 //! Coarse maps have it easier than fine ones, whatever they mark, since large spots hide more. So each map is compared with
 //! itself in other places: mirrored and moved around the frame at random.
 
@@ -22,6 +24,7 @@ use pdk_supervise::calls::{self, Function};
 use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
+use super::patches::{Agreement, Patches};
 use super::shown::Shown;
 
 /// Shares of the frame that are taken away or put back, from one step to the whole.
@@ -30,10 +33,11 @@ const STEPS: usize = 20;
 const MOVES: usize = 3;
 
 /// What was measured on one frame.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Areas {
     deletion: f64,
     insertion: f64,
+    patches: Agreement,
 }
 
 /// What was measured on all frames, by method.
@@ -84,12 +88,11 @@ impl Curves {
         let (frame, speed) = (shown.frame.as_ref(), shown.speed.unwrap_or(self.speed));
         // The same moves for every method, so that methods are compared under the same luck.
         let mut random = seed::key(self.seed, "moved maps", 0).frame(index);
-        let own = self.areas(frame, speed, map)?;
-        let mut moved = Areas { deletion: 0.0, insertion: 0.0 };
+        let patches = self.patches(frame, speed, &mut seed::key(self.seed, "patches", 0).frame(index))?;
+        let own = self.areas(frame, speed, map, &patches)?;
+        let mut moved = Areas::default();
         for _ in 0..MOVES {
-            let areas = self.areas(frame, speed, &relocate(map, frame.width(), &mut random))?;
-            moved.deletion += areas.deletion / MOVES as f64;
-            moved.insertion += areas.insertion / MOVES as f64;
+            moved.add(self.areas(frame, speed, &relocate(map, frame.width(), &mut random), &patches)?);
         }
         self.measured[method].push(Measured { own, moved, road: shown.road });
         Ok(())
@@ -104,7 +107,15 @@ impl Curves {
         Ok(control.map_err(|error| error.at(&self.place))?.steering)
     }
 
-    fn areas(&mut self, frame: Frame<'_>, speed: f64, map: &[f32]) -> Result<Areas> {
+    /// Patches of a frame, the same for every method.
+    fn patches(&mut self, frame: Frame<'_>, speed: f64, random: &mut Random) -> Result<Patches> {
+        let whole = self.steering(frame, speed)?;
+        Patches::measure(frame, mean_color(frame), random, |without| {
+            Ok((self.steering(without, speed)? - whole).abs())
+        })
+    }
+
+    fn areas(&mut self, frame: Frame<'_>, speed: f64, map: &[f32], patches: &Patches) -> Result<Areas> {
         let whole = self.steering(frame, speed)?;
         let mut order: Vec<usize> = (0..map.len()).collect();
         order.sort_by(|&a, &b| map[b].total_cmp(&map[a]));
@@ -115,8 +126,11 @@ impl Curves {
         left.as_mut()
             .rows_mut()
             .for_each(|row| row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&mean)));
-        let mut areas =
-            Areas { deletion: 0.0, insertion: (self.steering(left.as_ref(), speed)? - whole).abs() };
+        let mut areas = Areas {
+            deletion: 0.0,
+            insertion: (self.steering(left.as_ref(), speed)? - whole).abs(),
+            patches: patches.agreement(map, frame.width()),
+        };
         for step in 1..=STEPS {
             for &at in &order[order.len() * (step - 1) / STEPS..order.len() * step / STEPS] {
                 let (x, y) = (at % frame.width(), at / frame.width());
@@ -128,7 +142,9 @@ impl Curves {
                 areas.insertion += (self.steering(left.as_ref(), speed)? - whole).abs();
             }
         }
-        Ok(Areas { deletion: areas.deletion / STEPS as f64, insertion: areas.insertion / STEPS as f64 })
+        areas.deletion /= STEPS as f64;
+        areas.insertion /= STEPS as f64;
+        Ok(areas)
     }
 
     /// What was found about a method.
@@ -146,6 +162,10 @@ impl Curves {
             insertion: over(&|_, both| both.own.insertion).value,
             deletion_gain: over(&|_, both| both.own.deletion - both.moved.deletion),
             insertion_gain: over(&|_, both| both.moved.insertion - both.own.insertion),
+            sensitivity: over(&|_, both| both.own.patches.sensitivity).value,
+            infidelity: over(&|_, both| both.own.patches.infidelity).value,
+            sensitivity_gain: over(&|_, both| both.own.patches.sensitivity - both.moved.patches.sensitivity),
+            infidelity_gain: over(&|_, both| both.moved.patches.infidelity - both.own.patches.infidelity),
             against_first: over(&|at, both| both.own.faithfulness() - first[at].own.faithfulness()),
         }
     }
@@ -173,6 +193,8 @@ impl Curves {
                 "independent": self.independent(),
                 "deletion": { "area": found.deletion, "better_than_moved": self.said(&found.deletion_gain) },
                 "insertion": { "area": found.insertion, "better_than_moved": self.said(&found.insertion_gain) },
+                "sensitivity": { "correlation": found.sensitivity, "better_than_moved": self.said(&found.sensitivity_gain) },
+                "infidelity": { "share": found.infidelity, "better_than_moved": self.said(&found.infidelity_gain) },
                 "deletion_less_insertion_against_first": self.said(&found.against_first),
             })
         });
@@ -190,6 +212,8 @@ impl Curves {
             "better than moved by",
             against.as_str(),
         ]);
+        let mut patches =
+            table(["method", "sensitivity-n", "better than moved by", "infidelity", "better than moved by"]);
         let (frames, independent) = (self.measured.first().map_or(0, Vec::len), self.independent());
         let shown = |Estimate { value, low, high }| match independent {
             0 | 1 => format!("{value:+.4}"),
@@ -204,6 +228,13 @@ impl Curves {
                 format!("{:.4}", found.insertion),
                 shown(found.insertion_gain),
                 if method == 0 { String::new() } else { shown(found.against_first) },
+            ]);
+            patches.add_row([
+                (*label).to_owned(),
+                format!("{:.4}", found.sensitivity),
+                shown(found.sensitivity_gain),
+                format!("{:.4}", found.infidelity),
+                shown(found.infidelity_gain),
             ]);
         }
         let over = match frames {
@@ -221,7 +252,9 @@ impl Curves {
         };
         format!(
             "{rows}\n{over}: when what matters most is taken away first, more is better; when it comes back first, less is better; the last \
-             column has the difference of both, less that of the first method{intervals}"
+             column has the difference of both, less that of the first method{intervals}\n\n{patches}\nsensitivity-n: the correlation of the map with the \
+             change of the steering when patches are taken away, more is better; infidelity: the share of that change which the map leaves \
+             unexplained, less is better"
         )
     }
 }
@@ -232,10 +265,23 @@ struct Found {
     insertion: f64,
     deletion_gain: Estimate,
     insertion_gain: Estimate,
+    sensitivity: f64,
+    infidelity: f64,
+    sensitivity_gain: Estimate,
+    infidelity_gain: Estimate,
     against_first: Estimate,
 }
 
 impl Areas {
+    /// Adds the areas of one of the moved maps to their mean.
+    fn add(&mut self, one: Self) {
+        let share = 1.0 / MOVES as f64;
+        self.deletion += share * one.deletion;
+        self.insertion += share * one.insertion;
+        self.patches.sensitivity += share * one.patches.sensitivity;
+        self.patches.infidelity += share * one.patches.infidelity;
+    }
+
     /// One number for both: more is better.
     fn faithfulness(&self) -> f64 {
         self.deletion - self.insertion

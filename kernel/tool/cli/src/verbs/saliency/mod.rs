@@ -3,6 +3,7 @@
 mod curves;
 mod files;
 mod frames;
+mod patches;
 mod recorded;
 mod shown;
 

@@ -1,0 +1,212 @@
+//! Water film: water that runs down the glass bends the light on its way to the camera.
+
+use pdk_sdk::ops::sample::{Border, Padded, SUBPIXELS};
+use pdk_sdk::prelude::*;
+
+/// Cells of the waves' grid in a height, and texels in a cell.
+const CELLS: usize = 8;
+const TEXELS: usize = 16;
+const SIDE: usize = CELLS * TEXELS;
+
+/// Lets water run down the glass.
+pub struct WaterFilm {
+    /// The slope of the film to the right and down, over a tile that repeats, for a key.
+    slopes: Vec<[f32; 2]>,
+    made_for: Option<Key>,
+    padded: Padded,
+    xs: Vec<i32>,
+    ys: Vec<i32>,
+}
+
+impl Component for WaterFilm {
+    fn description() -> Description {
+        Description::perturbation(
+            "water_film",
+            "Lets a film of water run down the glass in front of the camera, whose waves bend what is seen",
+        )
+        .family("lens")
+        .dynamic()
+        .not_default()
+        .alters_geometry()
+        .mathematics("frame(p + bend H grad(h)(p / H - flow t)), h two layers of waves that run at different speeds")
+        .drawn_per_sequence("the waves")
+        .source("Refraction by a thin film, of first order in its slope, as in Halimeh and Roser, Raindrop detection on car windshields using geometric-photometric environment construction (2009)")
+        .parameter(Parameter::by_level("bend", [0.004, 0.008, 0.016, 0.03, 0.05], "how far the steepest waves bend the light, in heights of the frame").range(0.0, 0.2))
+        .parameter(Parameter::number("flow", 0.25, "how fast the film runs down, in heights of the frame a second").range(0.0, 10.0).unit("1/s"))
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self {
+            slopes: Vec::new(),
+            made_for: None,
+            padded: Padded::default(),
+            xs: Vec::new(),
+            ys: Vec::new(),
+        })
+    }
+}
+
+/// Waves on a grid that repeats: their height at a place in cells.
+fn height(grid: &[f64], [x, y]: [f64; 2]) -> f64 {
+    let smooth = |t: f64| t * t * t * (t * (6.0 * t - 15.0) + 10.0);
+    let (column, row) = (x.floor(), y.floor());
+    let (right, down) = (smooth(x - column), smooth(y - row));
+    let at =
+        |dx: usize, dy: usize| grid[(row as usize + dy) % CELLS * CELLS + (column as usize + dx) % CELLS];
+    let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+    mix(mix(at(0, 0), at(1, 0), right), mix(at(0, 1), at(1, 1), right), down)
+}
+
+impl WaterFilm {
+    fn prepare(&mut self, cx: &Context<'_>) {
+        if self.made_for == Some(*cx.key()) {
+            return;
+        }
+        self.made_for = Some(*cx.key());
+        let mut random = cx.sequence_random();
+        let grid: Vec<f64> = (0..CELLS * CELLS).map(|_| random.unit()).collect();
+        let texel = 1.0 / TEXELS as f64;
+        // Runs are longer than they are wide, so the slope down is half as steep.
+        let slope = |x: usize, y: usize| {
+            let place = [x as f64 * texel, y as f64 * texel];
+            let beside = |dx: f64, dy: f64| {
+                let wrapped = |value: f64| value.rem_euclid(CELLS as f64);
+                height(&grid, [wrapped(place[0] + dx), wrapped(place[1] + dy)])
+            };
+            let right = beside(0.5 * texel, 0.0) - beside(-0.5 * texel, 0.0);
+            let down = beside(0.0, 0.5 * texel) - beside(0.0, -0.5 * texel);
+            [(right / texel) as f32, (0.5 * down / texel) as f32]
+        };
+        self.slopes = (0..SIDE * SIDE).map(|place| slope(place % SIDE, place / SIDE)).collect();
+        // The steepest has a slope of one.
+        let steepest =
+            self.slopes.iter().flatten().fold(f32::MIN_POSITIVE, |most, slope| most.max(slope.abs()));
+        self.slopes.iter_mut().flatten().for_each(|slope| *slope /= steepest);
+    }
+}
+
+impl Perturbation for WaterFilm {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        self.prepare(cx);
+        let (width, height) = (src.width(), src.height());
+        let bend = (cx.number("bend") * height as f64) as f32;
+        self.padded.fill(src, (bend.ceil() as usize + 1).min(height), Border::Mirror);
+        // Two layers, of which the second is finer, runs faster, and is half as strong.
+        let texels = SIDE as f64 / height as f64;
+        let run = cx.number("flow") * cx.time * SIDE as f64;
+        let layers = [(1.0, run, 1.0 / 1.5), (1.7, 1.6 * run, 0.5 / 1.5)];
+        for (y, to) in dst.rows_mut().enumerate() {
+            self.xs.clear();
+            self.ys.clear();
+            let rows = layers.map(|(finer, run, weight)| {
+                let place = (y as f64 * texels * finer - run).rem_euclid(SIDE as f64) as usize % SIDE;
+                (&self.slopes[place * SIDE..][..SIDE], (texels * finer) as f32, weight as f32)
+            });
+            for x in 0..width {
+                let (mut right, mut down) = (0.0, 0.0);
+                for (slopes, step, weight) in rows {
+                    let [u, v] = slopes[(x as f32 * step) as usize % SIDE];
+                    right += weight * u;
+                    down += weight * v;
+                }
+                let place = |whole: usize, bent: f32| {
+                    whole as i32 * SUBPIXELS + (bent * bend * SUBPIXELS as f32).round() as i32
+                };
+                self.xs.push(place(x, right));
+                self.ys.push(place(y, down));
+            }
+            self.padded.sample(&self.xs, &self.ys, to);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::config::frame_values;
+    use pdk_sdk::serde_json::{Value, json};
+
+    use super::*;
+
+    fn seen(given: &Value, time: f64, source: &FrameBuf) -> FrameBuf {
+        let description = WaterFilm::description();
+        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+        let (mut values, key) = (Vec::new(), Key([2; 32]));
+        frame_values(&description, &config, 2.0, &mut values);
+        let cx = Context::new(2.0, 0, time, &key).with_values(&names, &values);
+        let mut out = FrameBuf::new(source.width(), source.height());
+        WaterFilm::new(&config).unwrap().apply(source.as_ref(), out.as_mut(), &cx).unwrap();
+        out
+    }
+
+    /// A frame whose red grows to the right and whose green grows down, a grey level a pixel.
+    fn places() -> FrameBuf {
+        let mut frame = FrameBuf::new(200, 150);
+        for y in 0..150 {
+            for x in 0..200 {
+                frame.as_mut().set_pixel(x, y, [x as u8, y as u8, 0]);
+            }
+        }
+        frame
+    }
+
+    #[test]
+    fn light_is_bent_as_far_as_asked_for_and_no_further() {
+        let source = places();
+        assert_eq!(seen(&json!({"bend": 0}), 1.0, &source), source);
+        let found = seen(&json!({"bend": 0.04}), 1.0, &source);
+        let (mut most, mut sum, mut count) = ([0, 0], 0u32, 0u32);
+        for y in 10..140 {
+            for x in 10..190 {
+                let [red, green, _] = found.as_ref().pixel(x, y);
+                let bent = [i32::from(red) - x as i32, i32::from(green) - y as i32].map(i32::abs);
+                most = [most[0].max(bent[0]), most[1].max(bent[1])];
+                sum += (bent[0] + bent[1]) as u32;
+                count += 1;
+            }
+        }
+        // 0.04 of 150 pixels.
+        assert!(most[0] <= 6 && most[1] <= 6 && most[0] >= 3, "{most:?}");
+        assert!(sum > count / 2, "{sum} of {count}");
+    }
+
+    #[test]
+    fn the_film_runs_down() {
+        // A tile is as high as the frame, so the first layer is back after one and the second after five eighths of that.
+        let source = places();
+        let given = json!({"bend": 0.02, "flow": 0.5});
+        let [now, later] = [0.0, 0.4].map(|time| seen(&given, time, &source));
+        assert_ne!(now, later);
+        // Five times the first is eight times the second.
+        assert_eq!(now, seen(&given, 10.0, &source));
+    }
+
+    #[test]
+    fn the_waves_are_as_smooth_where_the_tile_repeats_as_anywhere() {
+        let mut film = WaterFilm::new(&Config::default()).unwrap();
+        let key = Key([3; 32]);
+        film.prepare(&Context::new(2.0, 0, 0.0, &key));
+        let at = |x: usize, y: usize| film.slopes[y % SIDE * SIDE + x % SIDE];
+        let step = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let largest = |places: &mut dyn Iterator<Item = f32>| places.fold(0.0, f32::max);
+        let inside = largest(&mut (0..SIDE * SIDE).map(|place| {
+            let (x, y) = (place % SIDE, place / SIDE);
+            if x + 1 < SIDE && y + 1 < SIDE {
+                step(at(x, y), at(x + 1, y)).max(step(at(x, y), at(x, y + 1)))
+            } else {
+                0.0
+            }
+        }));
+        let seam = largest(&mut (0..SIDE).map(|place| {
+            step(at(SIDE - 1, place), at(SIDE, place)).max(step(at(place, SIDE - 1), at(place, SIDE)))
+        }));
+        assert!(seam <= 1.01 * inside && inside < 0.5, "{seam} {inside}");
+    }
+
+    #[test]
+    fn rules() {
+        pdk_sdk::testing::perturbation::<WaterFilm>();
+        crate::allocations::on_the_first_frames_alone::<WaterFilm>();
+    }
+}

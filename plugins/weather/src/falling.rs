@@ -1,0 +1,191 @@
+//! What falls through the air in front of the camera: streaks of what is near, and the haze of all of it.
+
+use pdk_sdk::ops::light::Light;
+use pdk_sdk::prelude::*;
+
+use crate::distances::{self, Distances};
+
+/// Up to this distance in metres drops and flakes are drawn one by one.
+const FARTHEST: f64 = 3.0;
+/// The nearest that is drawn: nearer ones are out of focus.
+const NEAREST: f64 = 0.6;
+/// The most that are drawn.
+const MOST: usize = 3000;
+
+/// What falls at a rate: how much of it there is, by size, and how it moves. Sizes count by the water in them: a flake is as large as the
+/// drop that it melts to.
+pub struct Kind {
+    /// How many there are in a cubic metre and a millimetre of size that have no size, at a rate in mm/h.
+    pub intercept: fn(f64) -> f64,
+    /// The slope of the logarithm of their number, per millimetre.
+    pub slope: fn(f64) -> f64,
+    /// The smallest that is drawn, in millimetres: smaller ones are part of the haze alone.
+    pub smallest: f64,
+    /// The diameter of one of a size, both in millimetres.
+    pub diameter: fn(f64) -> f64,
+    /// How fast one of a diameter in millimetres falls, in metres per second.
+    pub fall: fn(f64) -> f64,
+}
+
+impl Kind {
+    /// The extinction per metre: twice the area of everything that is in the air, since it is large against the wavelength.
+    pub fn extinction(&self, rate: f64) -> f64 {
+        if rate <= 0.0 {
+            return 0.0;
+        }
+        let (intercept, slope) = ((self.intercept)(rate), (self.slope)(rate));
+        // Up to 20 times the mean size.
+        const STEPS: u32 = 2000;
+        let step = 20.0 / slope / f64::from(STEPS);
+        let areas = (0..STEPS).map(|number| {
+            let size = (f64::from(number) + 0.5) * step;
+            let diameter = (self.diameter)(size);
+            diameter * diameter * libm::exp(-slope * size)
+        });
+        2.0 * std::f64::consts::FRAC_PI_4 * 1e-6 * intercept * step * areas.sum::<f64>()
+    }
+}
+
+/// Adds the parameters of anything that falls.
+pub fn described(description: Description) -> Description {
+    let description = description
+        .parameter(
+            Parameter::number(
+                "exposure",
+                0.012,
+                "how long the camera exposes, in which what falls becomes a streak",
+            )
+            .range(0.0001, 0.1)
+            .unit("s"),
+        )
+        .parameter(
+            Parameter::number("speed", 8.0, "how fast the vehicle drives into it")
+                .range(0.0, 60.0)
+                .unit("m/s"),
+        )
+        .parameter(
+            Parameter::number(
+                "sky",
+                215.0,
+                "grey of the sky that streaks and haze show: 0 is black, 255 white",
+            )
+            .range(0.0, 255.0),
+        );
+    distances::described(description)
+}
+
+/// Draws what falls.
+pub struct Curtain {
+    light: Light,
+    distances: Distances,
+    /// The extinction, and for which rate.
+    extinction: (f64, f64),
+}
+
+/// A streak: where it begins and ends, in pixels, how wide it is, how far away, and how much of its light each place gets.
+struct Streak {
+    from: [f64; 2],
+    to: [f64; 2],
+    width: f64,
+    distance: f64,
+    share: f64,
+}
+
+impl Curtain {
+    /// As the parameters say.
+    pub fn new(config: &Config) -> Self {
+        Self { light: Light::new(), distances: Distances::new(config), extinction: (0.0, 0.0) }
+    }
+
+    /// Lets it fall at the rate of the context's parameter `rate`.
+    ///
+    /// # Errors
+    /// If the simulator's depths are wanted and there are none.
+    pub fn draw(
+        &mut self,
+        kind: &Kind,
+        src: Frame<'_>,
+        mut dst: FrameMut<'_>,
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        let (width, height, rate) = (src.width(), src.height(), cx.number("rate"));
+        if self.extinction.0 != rate {
+            self.extinction = (rate, kind.extinction(rate));
+        }
+        let focal = self.distances.focal(width);
+        let distances = self.distances.of(width, height, cx)?;
+        let sky = self.light.of(cx.number("sky").round() as u8);
+        distances::haze(&self.light, src, &mut dst, distances, self.extinction.1 as f32, [sky; 3]);
+        if rate <= 0.0 {
+            return Ok(());
+        }
+        // What is in the pyramid in front of the camera.
+        let [near, far] = [NEAREST, FARTHEST].map(|distance: f64| distance * distance * distance);
+        let (wide, high) = (width as f64 / focal, height as f64 / focal);
+        let slope = (kind.slope)(rate);
+        let all = wide * high * (far - near) / 3.0 * (kind.intercept)(rate) / slope
+            * libm::exp(-slope * kind.smallest);
+        let count = (all as usize).min(MOST);
+        // If there is more of it than is drawn, each streak stands for several.
+        let each = all / count.max(1) as f64;
+        let (exposure, speed) = (cx.number("exposure"), cx.number("speed"));
+        let mut random = cx.frame_random();
+        for _ in 0..count {
+            let distance = libm::cbrt(near + random.unit() * (far - near));
+            let diameter = (kind.diameter)(kind.smallest - libm::log1p(-random.unit()) / slope);
+            let [x, y] = [random.unit() * width as f64, random.unit() * height as f64];
+            let down = (kind.fall)(diameter) * exposure * focal / distance;
+            // The vehicle drives towards it: it moves away from the middle of the picture.
+            let growth = speed * exposure / distance;
+            let [right, below] = [x - width as f64 / 2.0, y - height as f64 / 2.0];
+            let to = [x + right * growth, y + below * growth + down];
+            let thick = diameter * 1e-3 * focal / distance;
+            let length = libm::hypot(to[0] - x, to[1] - y);
+            // A place on the streak is covered for as long as the drop needs to pass by its own length.
+            let share = (thick / length.max(thick) * each).min(1.0);
+            let streak = Streak { from: [x, y], to, width: thick, distance, share };
+            draw(&self.light, &mut dst, distances, &streak, sky);
+        }
+        Ok(())
+    }
+}
+
+/// Draws a streak of the sky's light in front of what is further away.
+fn draw(light: &Light, dst: &mut FrameMut<'_>, distances: &[f32], streak: &Streak, sky: f32) {
+    let columns = dst.width();
+    let (width, height) = (columns as f64, dst.height() as f64);
+    let [right, down] = [streak.to[0] - streak.from[0], streak.to[1] - streak.from[1]];
+    let length = right.abs().max(down.abs());
+    let steps = length.ceil().clamp(1.0, 4.0 * height) as usize;
+    // One that is thinner than a pixel covers a part of it.
+    let half = (0.5 * streak.width).max(0.5);
+    let cover = (streak.share * (streak.width / (2.0 * half)).min(1.0)).min(1.0) as f32;
+    let is_steep = down.abs() >= right.abs();
+    let reach = half.ceil() as isize;
+    for step in 0..steps {
+        let part = (step as f64 + 0.5) / steps as f64;
+        let place = [streak.from[0] + part * right, streak.from[1] + part * down];
+        for offset in -reach..=reach {
+            let [x, y] = if is_steep {
+                [place[0] + offset as f64, place[1]]
+            } else {
+                [place[0], place[1] + offset as f64]
+            };
+            if !(x >= 0.0 && y >= 0.0 && x < width && y < height) {
+                continue;
+            }
+            let (column, row) = (x as usize, y as usize);
+            // How much of the pixel the streak covers across.
+            let off = if is_steep { place[0] - column as f64 } else { place[1] - row as f64 } - 0.5;
+            let inside = (half + 0.5 - off.abs()).clamp(0.0, 1.0) as f32;
+            if inside <= 0.0 || distances[row * columns + column] < streak.distance as f32 {
+                continue;
+            }
+            let weight = cover * inside;
+            for value in &mut dst.row_mut(row)[3 * column..3 * column + 3] {
+                let before = light.of(*value);
+                *value = light.store(before + (sky - before) * weight);
+            }
+        }
+    }
+}
