@@ -127,12 +127,13 @@ mod tests {
     /// What a sensor with a defect delivers: its pattern of photosites, interpolated.
     fn interpolated(photosites: &[Vec<f64>]) -> Vec<Vec<[f64; 3]>> {
         let (height, width) = (photosites.len(), photosites[0].len());
+        let around = |place: usize, length: usize| place.saturating_sub(1)..(place + 2).min(length);
         let mean = |channel: usize, x: usize, y: usize| {
             // The nearest photosites of a colour around a place, one step away at most.
             let mut found = Vec::new();
             for reach in 0..=2 {
-                for v in y.saturating_sub(1)..(y + 2).min(height) {
-                    for u in x.saturating_sub(1)..(x + 2).min(width) {
+                for v in around(y, height) {
+                    for u in around(x, width) {
                         if super::channel(u, v) == channel && u.abs_diff(x) + v.abs_diff(y) == reach {
                             found.push(photosites[v][u]);
                         }
@@ -174,7 +175,7 @@ mod tests {
                 &json!({"lines": 0, "show": "hot"}),
                 level,
                 (3, 0.1),
-                &[source.clone()],
+                std::slice::from_ref(&source),
             );
             (0..found.data().len()).filter(|place| found.data()[*place] != 100).collect()
         };

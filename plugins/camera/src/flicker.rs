@@ -93,10 +93,14 @@ mod tests {
     fn an_exposure_of_a_whole_period_evens_the_flicker_out() {
         // The frequency is off by up to half a percent.
         let source = even(100, 4, 20);
-        let found =
-            perturbed::<Flicker>(&json!({"depth": 1.0, "exposure": 0.01}), 4.0, (4, 0.2), &[source.clone()]);
+        let found = perturbed::<Flicker>(
+            &json!({"depth": 1.0, "exposure": 0.01}),
+            4.0,
+            (4, 0.2),
+            std::slice::from_ref(&source),
+        );
         assert!(found.data().iter().zip(source.data()).all(|(a, b)| a.abs_diff(*b) <= 1));
-        let still = perturbed::<Flicker>(&json!({"depth": 0}), 4.0, (4, 0.2), &[source.clone()]);
+        let still = perturbed::<Flicker>(&json!({"depth": 0}), 4.0, (4, 0.2), std::slice::from_ref(&source));
         assert_eq!(still, source);
     }
 

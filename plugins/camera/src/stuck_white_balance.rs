@@ -126,8 +126,12 @@ mod tests {
         }
         // Nothing is wrong if the light is what the camera believes it to be.
         let source = even(100, 2, 2);
-        let balanced =
-            perturbed::<StuckWhiteBalance>(&json!({"stuck": 6500}), 3.0, (0, 0.0), &[source.clone()]);
+        let balanced = perturbed::<StuckWhiteBalance>(
+            &json!({"stuck": 6500}),
+            3.0,
+            (0, 0.0),
+            std::slice::from_ref(&source),
+        );
         assert_eq!(balanced, source);
     }
 

@@ -44,10 +44,10 @@ impl Perturbation for BitErrors {
         self.codec.encode(src, coarseness);
         let (errors, mut random, mut place) = (cx.number("errors"), cx.frame_random(), 0.0);
         let length = self.codec.length() as f64;
-        while errors > 0.0 {
-            // How many bits are right before the next one that is wrong.
+        loop {
+            // How many bits are right before the next one that is wrong: infinitely many without errors.
             place += (libm::log1p(-random.unit()) / libm::log1p(-errors)).floor();
-            if place >= length {
+            if errors <= 0.0 || place >= length {
                 break;
             }
             self.codec.flip(place as usize);

@@ -63,7 +63,7 @@ impl Bits {
 
     fn put(&mut self, value: u32, count: u32) {
         for place in (0..count).rev() {
-            if self.length % 8 == 0 {
+            if self.length.is_multiple_of(8) {
                 self.bytes.push(0);
             }
             if value >> place & 1 == 1 {

@@ -12,8 +12,6 @@ const INDEX: f64 = 1.333;
 const KEPT: f64 = 0.4725;
 /// The share of light that the surface of water keeps out, about straight down.
 const KEPT_OUT: f64 = 0.02;
-/// A film of this thickness in millimetres fills the pores of the ground.
-const DAMP: f64 = 0.1;
 /// How far waves incline the water on the road, as a tangent, and the water of puddles.
 const RIPPLES: [f64; 2] = [0.05, 0.012];
 /// What is higher than this above the road, in metres, or than this share of its distance, is not the road.
@@ -28,7 +26,7 @@ struct Mirror {
     /// The column and the row that it shows.
     column: u32,
     row: f32,
-    /// Where it is on the ground, to the right and ahead, in metres.
+    /// Its place on the ground, to the right and ahead, in metres.
     place: [f32; 2],
 }
 
@@ -61,7 +59,7 @@ impl Component for WetRoad {
         .dynamic()
         .not_default()
         .keeps_geometry()
-        .mathematics("light(v) 0.52 / (1 - 0.47 light(v)) + m F(angle) light(mirrored), m = 1 - exp(-film / texture), 1 in puddles")
+        .mathematics("light(v) + c (light(v) (0.52 / (1 - 0.47 light(v)) - 1) + F(angle) light(mirrored)), c = 1 - exp(-film / texture), 1 in puddles")
         .drawn_per_sequence("where puddles are")
         .source("Darkening by Lekner and Dorf, Why some things are darker when wet (1988); reflection by Fresnel's equations; thickness of films and depth of texture as in Gallaway et al., Tentative pavement and geometric design criteria for minimizing hydroplaning (1975)")
         .parameter(
@@ -175,15 +173,13 @@ impl Perturbation for WetRoad {
         // On the plane of the ground nothing stands.
         let stands = !self.distances.stay();
         let distances = self.distances.of(width, height, cx)?;
-        let film = cx.number("film");
         let [share, beside] = ["puddles", "beside"].map(|name| cx.number(name) as f32);
-        let smooth = -libm::expm1(-film / cx.number("texture")) as f32;
+        let smooth = -libm::expm1(-cx.number("film") / cx.number("texture")) as f32;
         let driven = patches::driven(cx);
-        // Dry ground that is wet, by the stored value.
-        let soaked = (film / DAMP).min(1.0);
+        // Ground under water, by the stored value of dry ground.
         let dark: [f32; 256] = std::array::from_fn(|value| {
             let light = f64::from(water.light.of(value as u8));
-            (light * (1.0 - soaked + soaked * wet(light))) as f32
+            (light * wet(light)) as f32
         });
         for (y, (to, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
             for (x, (to, from)) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)).enumerate() {
@@ -198,13 +194,14 @@ impl Perturbation for WetRoad {
                 }
                 let puddle = water.puddles.at(mirror.place, driven).cover(share);
                 let [waves, still] = mirror.reflects;
-                let mirrors = on_road * (smooth * waves * (1.0 - puddle) + still * puddle);
+                let covered = on_road * (smooth + (1.0 - smooth) * puddle);
+                let mirrors = waves + (still - waves) * puddle;
                 let spread = ripples[0] + (ripples[1] - ripples[0]) * puddle;
                 let mirrored = water.mirrored(mirror, spread);
                 for ((to, from), mirrored) in to.iter_mut().zip(from).zip(mirrored) {
                     let dry = water.light.of(*from);
-                    let ground = dry + on_road * (dark[*from as usize] - dry);
-                    *to = water.light.store(ground + mirrors * mirrored);
+                    let under_water = dark[*from as usize] + mirrors * mirrored;
+                    *to = water.light.store(dry + covered * (under_water - dry));
                 }
             }
         }

@@ -540,6 +540,8 @@ fn the_built_in_plugins_keep_the_rules() {
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");
                 check = check.set("network.model", "pilot.onnx").set("network.engine", "tract");
+                let pictures = repository().join("docs/examples/recording/frames");
+                check = check.set("expected-gradients.pictures", pictures.display());
                 for component in ["repaint", "segmentation"] {
                     check = check.set(&format!("{component}.model"), "mirror.onnx");
                     check = check.set(&format!("{component}.engine"), "tract");

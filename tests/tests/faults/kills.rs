@@ -2,7 +2,7 @@
 //! undisturbed one, leaves nothing, and is in no way of a short run behind it.
 //!
 //! `PDK_KILLS` sets the number of rounds, and `PDK_KILLS_SEED` where the moments are drawn from;
-//! `PDK_KILLS=200 cargo test --release -p pdk-tests --test faults kills:: -- --nocapture` prints what was met.
+//! `PDK_KILLS=200 cargo test --release --test faults kills:: -- --nocapture` prints what was met.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::process::ExitStatusExt;
@@ -319,7 +319,7 @@ fn runs_that_are_killed_at_any_moment_end_like_undisturbed_ones() {
             _ => (setting.length, setting.expected) = (length, files(&whole)),
         }
     }
-    assert_eq!(setting.expected.len(), 8 + 5, "{:?}", setting.expected.keys());
+    assert_eq!(setting.expected.len(), 9 + 5, "{:?}", setting.expected.keys());
     assert!(met.buses.len() >= 2, "the buses of a run are not seen: {:?}", met.buses);
     println!("an undisturbed run takes {} ms; {rounds} rounds with seed {seed}", setting.length.as_millis());
 

@@ -1,5 +1,5 @@
 //! Whatever a component does, the run goes on: other scenarios come out as if nothing had happened, and its own line says what
-//! it did. `cargo test --release -p pdk-tests --test faults misbehave:: -- --nocapture` prints what is said about each way to go wrong.
+//! it did. `cargo test --release --test faults misbehave:: -- --nocapture` prints what is said about each way to go wrong.
 
 use std::collections::BTreeMap;
 use std::fs;

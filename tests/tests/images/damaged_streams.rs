@@ -57,19 +57,9 @@ fn drive(registry: &Registry) -> Vec<u8> {
 }
 
 fn decoded(stream: &[u8]) -> Vec<FrameBuf> {
-    let arguments = [
-        "-flags",
-        "output_corrupt",
-        "-f",
-        "mpegvideo",
-        "-i",
-        "-",
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-",
-    ];
+    // Without its filter across the edges of blocks that were lost.
+    let options = ["-flags", "output_corrupt", "-ec", "guess_mvs", "-f", "mpegvideo", "-i", "-"];
+    let arguments = [&options[..], &["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]].concat();
     let pixels = ffmpeg(&arguments, stream).unwrap();
     let frames = pixels.chunks_exact(3 * SIZE[0] * SIZE[1]);
     frames.map(|frame| FrameBuf::from_vec(frame.to_vec(), SIZE[0], SIZE[1]).unwrap()).collect()

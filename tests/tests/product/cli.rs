@@ -303,7 +303,7 @@ fn completions_know_verbs_components_levels_pipelines_and_records() {
     verbs.sort();
     offered.sort();
     assert_eq!(offered, verbs);
-    assert_eq!(completed(&["show", "fog_"]), ["fog_filter", "fog_mapping"]);
+    assert_eq!(completed(&["show", "fog_"]), ["fog_by_visibility", "fog_filter", "fog_mapping"]);
     assert_eq!(completed(&["perturb", "road.png", "--with", "fog_filter@3"]), ["fog_filter@3"]);
     assert_eq!(completed(&["perturb", "road.png", "--with", "fog_filter@"]).len(), 5);
     assert_eq!(completed(&["saliency", "x.png", "--with", "hiresc"]), ["hirescam"]);

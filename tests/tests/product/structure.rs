@@ -1,5 +1,5 @@
 //! The house stays as ARCHITECTURE describes it: the kernel proper is small, no two files of a crate import each other, and crates depend
-//! one way. `cargo test --release -p pdk-tests --test product structure:: -- --nocapture` prints the lines of code of each crate.
+//! one way. `cargo test --release --test product structure:: -- --nocapture` prints the lines of code of each crate.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

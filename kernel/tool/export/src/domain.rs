@@ -205,11 +205,11 @@ pub(crate) mod tests {
         group = "road"
         name = "road works"
         [[trigger]]
-        id = "contrast"
+        id = "pale"
         group = "sensor"
-        name = "little contrast"
+        name = "pale scenes"
         [perturbation]
-        mist = { attributes = ["fog"], triggers = ["contrast"] }
+        mist = { attributes = ["fog"], triggers = ["pale"] }
         [[condition]]
         simulator = "flat"
         parameter = "light"
@@ -220,7 +220,7 @@ pub(crate) mod tests {
         parameter = "haze"
         above = 0
         default = true
-        triggers = ["contrast"]
+        triggers = ["pale"]
     "#;
 
     fn scenario(light: &str, haze: Option<f64>, perturbation: &str) -> Scenario {
@@ -239,12 +239,12 @@ pub(crate) mod tests {
         let night = scenario("night", Some(0.0), "mist@2");
         let (seen, shown) = (domain.of_perturbations(&night), domain.of_simulator(&night));
         assert_eq!(seen.attributes.keys().collect::<Vec<_>>(), ["fog"]);
-        assert_eq!(seen.triggers["contrast"].iter().collect::<Vec<_>>(), ["mist"]);
+        assert_eq!(seen.triggers["pale"].iter().collect::<Vec<_>>(), ["mist"]);
         assert_eq!(shown.attributes["night"].iter().collect::<Vec<_>>(), ["flat: light night"]);
         assert!(shown.triggers.is_empty());
         let day = scenario("day", None, "own@1");
         let shown = domain.of_simulator(&day);
-        assert_eq!(shown.triggers["contrast"].iter().collect::<Vec<_>>(), ["flat: haze above 0"]);
+        assert_eq!(shown.triggers["pale"].iter().collect::<Vec<_>>(), ["flat: haze above 0"]);
         assert!(shown.attributes.is_empty() && domain.of_perturbations(&day).unlisted.contains("own"));
     }
 

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn luck_is_told_apart_from_what_a_perturbation_does() {
+    fn luck_and_what_a_perturbation_does_are_apart() {
         // On every other road drives fail by turns, whatever they see. Under fog, all fail.
         let by_turns = |road: usize, number: u32| road % 2 == 0 && number % 2 == 0;
         let found = luck(&drive(2, |road, perturbation, number| match perturbation {
