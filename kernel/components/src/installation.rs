@@ -120,6 +120,7 @@ mod tests {
         pipelines: &[],
         suites: &[],
         modules: &[],
+        domain: "",
         first_pipeline: "",
         examples: &[],
         samples: &[],

@@ -40,7 +40,7 @@ fn mixed(name: &str, seed: u64) -> NamedTempFile {
             values.swap(at, random.below(at as u32 + 1) as usize);
         }
         count += usize::from(values.len() > 20);
-        tensor.raw_data = values.concat().into();
+        tensor.raw_data = values.concat();
     }
     assert!(count > 8, "{count} tensors were mixed up");
     let file = NamedTempFile::with_suffix(".onnx").unwrap();

@@ -133,7 +133,7 @@ fn scenarios_are_test_cases() {
 }
 
 #[test]
-fn what_was_driven_of_an_operational_design_domain_is_told() {
+fn the_page_of_a_domain_has_what_was_driven() {
     let folder = temp();
     let (record, out) = (driven(folder.path()), folder.path().join("out"));
     assert_eq!(export(&record, "odd", &out), ["odd.json", "odd.html"]);

@@ -197,9 +197,9 @@ pub(crate) mod tests {
         group = "air"
         name = "fog & mist"
         [[attribute]]
-        id = "night"
+        id = "dark"
         group = "light"
-        name = "night"
+        name = "dark"
         [[attribute]]
         id = "works"
         group = "road"
@@ -213,8 +213,8 @@ pub(crate) mod tests {
         [[condition]]
         simulator = "flat"
         parameter = "light"
-        value = "night"
-        attributes = ["night"]
+        value = "dark"
+        attributes = ["dark"]
         [[condition]]
         simulator = "flat"
         parameter = "haze"
@@ -236,11 +236,11 @@ pub(crate) mod tests {
     #[test]
     fn a_scenario_stands_for_what_it_shows() {
         let domain = Domain::parse(SMALL).unwrap();
-        let night = scenario("night", Some(0.0), "mist@2");
-        let (seen, shown) = (domain.of_perturbations(&night), domain.of_simulator(&night));
+        let dark = scenario("dark", Some(0.0), "mist@2");
+        let (seen, shown) = (domain.of_perturbations(&dark), domain.of_simulator(&dark));
         assert_eq!(seen.attributes.keys().collect::<Vec<_>>(), ["fog"]);
         assert_eq!(seen.triggers["pale"].iter().collect::<Vec<_>>(), ["mist"]);
-        assert_eq!(shown.attributes["night"].iter().collect::<Vec<_>>(), ["flat: light night"]);
+        assert_eq!(shown.attributes["dark"].iter().collect::<Vec<_>>(), ["flat: light dark"]);
         assert!(shown.triggers.is_empty());
         let day = scenario("day", None, "own@1");
         let shown = domain.of_simulator(&day);

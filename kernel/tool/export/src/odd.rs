@@ -397,7 +397,7 @@ mod tests {
             "id": "00".repeat(16), "name": "x", "images_every": 0, "success": cause == "finished", "cause": cause, "time": 1.0, "frames": 5,
             "progress": 0.5, "mean_cross_track_error": 0.1, "max_cross_track_error": 0.2, "digest": "",
             "scenario": {
-                "simulator": {"name": "flat", "parameters": {"light": "night", "haze": 0}}, "driver": {"name": "<x>"},
+                "simulator": {"name": "flat", "parameters": {"light": "dark", "haze": 0}}, "driver": {"name": "<x>"},
                 "road": {"angles": [road]}, "perturbations": perturbations, "duration": 10, "seed": 1,
             },
         });
@@ -416,13 +416,13 @@ mod tests {
             line(3, mist(0.0), "error"),
         ];
         let found = odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines, &[]);
-        let [fog, night, works] = &found.attributes[..] else { panic!("{found:?}") };
-        assert_eq!((fog.state, night.state, works.state), (State::Failed, State::Passed, State::Open));
+        let [fog, dark, works] = &found.attributes[..] else { panic!("{found:?}") };
+        assert_eq!((fog.state, dark.state, works.state), (State::Failed, State::Passed, State::Open));
         let of = &fog.drivers[0];
         assert_eq!((of.scenarios, of.failed, of.roads), (3, 2, 2));
         assert_eq!((of.failed_from, of.driven_to), (Some(2.0), Some(3.0)));
         // A light has no level, and what fails in the mist says nothing of it.
-        assert_eq!((night.drivers[0].scenarios, night.drivers[0].driven_to), (1, None));
+        assert_eq!((dark.drivers[0].scenarios, dark.drivers[0].driven_to), (1, None));
         let without = odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines[..3], &[]);
         assert!(without.attributes[1].state == State::Perturbed && without.attributes[1].drivers.is_empty());
         assert_eq!(found.unlisted.iter().collect::<Vec<_>>(), ["own"]);

@@ -127,7 +127,7 @@ impl<'a> Frames<'a> {
     ///
     /// # Errors
     /// If the trace is damaged, or a step has no pictures.
-    pub fn next(&mut self) -> Result<Option<(Step, Vec<FrameBuf>)>> {
+    pub fn read(&mut self) -> Result<Option<(Step, Vec<FrameBuf>)>> {
         let path = self.path;
         let incomplete = |step: &Step| {
             Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, path.display()))
@@ -171,7 +171,7 @@ pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> 
     let steps = read_steps(trace)?;
     let mut frames = Frames::open(trace)?;
     let mut film: Option<Film> = None;
-    while let Some((step, pictures)) = frames.next()? {
+    while let Some((step, pictures)) = frames.read()? {
         if film.is_none() {
             film = Some(Film::start(path, recorded, driven, &steps, &pictures)?);
         }

@@ -61,7 +61,7 @@ pub fn film(path: &Path, both: [&Taken<'_>; 2]) -> Result<()> {
     let mut opened = Vec::new();
     for taken in both {
         let mut frames = Frames::open(taken.trace)?;
-        let Some((step, mut pictures)) = frames.next()? else {
+        let Some((step, mut pictures)) = frames.read()? else {
             return Err(nothing_to_see(path, taken.recorded, &taken.driven.outcome));
         };
         opened.push((taken, frames, step, pictures.swap_remove(1)));
@@ -96,7 +96,7 @@ pub fn film(path: &Path, both: [&Taken<'_>; 2]) -> Result<()> {
         let fits = (layout.shown.0 / LETTER) as usize;
         let driver: String = taken.recorded.line.scenario.driver.to_string().chars().take(fits).collect();
         draw_in(&mut base, layout.left(panel), 4, &driver, INK);
-        let next = frames.next()?;
+        let next = frames.read()?;
         let mut side = Side { taken, frames, next, shown: (step, seen), gauges };
         side.draw(&mut base);
         sides.push(side);
@@ -136,7 +136,7 @@ impl Side<'_> {
                 self.shown = (step, pictures.swap_remove(1));
                 self.draw(base);
             }
-            self.next = self.frames.next()?;
+            self.next = self.frames.read()?;
         }
         Ok(())
     }

@@ -248,7 +248,7 @@ mod tests {
 
     fn ask(watched: &Watched, method: Method, address: &str) -> (u16, String) {
         let request = Request::builder().method(method).uri(format!("http://x{address}"));
-        let response = answer(watched, &mut request.body(Body::empty()).unwrap());
+        let response = answer(watched, &request.body(Body::empty()).unwrap());
         let status = response.status().as_u16();
         (status, response.into_body().to_string().unwrap())
     }

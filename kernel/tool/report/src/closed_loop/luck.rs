@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn luck_and_what_a_perturbation_does_are_apart() {
         // On every other road drives fail by turns, whatever they see. Under fog, all fail.
-        let by_turns = |road: usize, number: u32| road % 2 == 0 && number % 2 == 0;
+        let by_turns = |road: usize, number: u32| road.is_multiple_of(2) && number.is_multiple_of(2);
         let found = luck(&drive(2, |road, perturbation, number| match perturbation {
             Some("fog") => true,
             _ => by_turns(road, number),
