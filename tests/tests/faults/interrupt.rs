@@ -145,7 +145,11 @@ fn the_second_interrupt_and_term_drop_what_is_in_flight() {
         let mut child = run(&script, &out).misbehave().env(variable, value).spawn();
         wait_for_scenarios(&mut child, &out, 4);
         // Both workers are at it: the traces of the short scenarios are whole by now.
-        assert!(comes_true(LIMIT, || partial(&out).len() == 2), "{name}: {:?}", partial(&out));
+        assert!(
+            comes_true(LIMIT, || partial(&out.join("traces")).len() == 2),
+            "{name}: {:?}",
+            partial(&out.join("traces"))
+        );
         if code == 130 {
             signal(&child, Signal::INT);
             assert!(
@@ -232,7 +236,7 @@ fn what_is_dropped_keeps_what_an_earlier_process_recorded() {
         let mut child =
             Pdk::new(["run", "--workers", workers, "--out"]).arg(&out).arg(&script).misbehave().spawn();
         wait_for_scenarios(&mut child, &out, 1);
-        assert!(comes_true(LIMIT, || !partial(&out).is_empty()), "nothing is driven");
+        assert!(comes_true(LIMIT, || !partial(&out.join("traces")).is_empty()), "nothing is driven");
         signal(&child, Signal::TERM);
         let (code, said) = end(child);
         assert_eq!(code, Some(143), "{said:?}");

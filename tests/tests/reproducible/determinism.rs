@@ -232,7 +232,8 @@ fn a_closed_loop_is_the_same_on_any_number_of_workers() {
     }
     traces.truncate(5);
     traces.sort();
-    let files = [".lock", "manifest.json", "scenarios.jsonl", "summary.json"].map(str::to_owned);
+    let files =
+        [".lock", "foxglove.json", "manifest.json", "scenarios.jsonl", "summary.json"].map(str::to_owned);
     assert_eq!(names, [files.to_vec(), traces].concat());
 }
 

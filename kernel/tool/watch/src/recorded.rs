@@ -217,7 +217,7 @@ pub mod tests {
         let value = json!({
             "id": "00".repeat(16), "name": format!("drive {seed}"), "images_every": 0, "success": cause == "finished", "cause": cause,
             "time": 2.0, "frames": 5, "progress": 0.5, "mean_cross_track_error": 0.1, "max_cross_track_error": 0.2, "digest": "",
-            "scenario": { "simulator": { "name": "lane" }, "driver": { "name": "x" }, "duration": 9.0, "seed": seed },
+            "scenario": { "simulator": { "name": "flat" }, "driver": { "name": "x" }, "duration": 9.0, "seed": seed },
         });
         let mut line: Line = serde_json::from_value(value).unwrap();
         line.id = line.scenario.id();
