@@ -13,8 +13,13 @@ The gradient is itself a network, which `pdk gradient` writes. Here the package 
 import json
 import subprocess
 import tempfile
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
 
 class Gradient:
@@ -28,21 +33,27 @@ class Gradient:
     Raises `pdk.Error` if an operator has no gradient or a name is not known, and ImportError without the package onnxruntime.
     """
 
-    def __init__(self, model, of=None, by=None, **options):
+    def __init__(
+        self,
+        model: "str | PathLike[str]",
+        of: "str | None" = None,
+        by: "str | Iterable[str] | None" = None,
+        **options: Any,
+    ) -> None:
         try:
             import onnxruntime
         except ImportError as error:
             raise ImportError("pdk.Gradient runs networks with onnxruntime: pip install onnxruntime") from error
         from pdk_perturb import Error, executable
 
-        by = [by] if isinstance(by, str) else list(by or ())
+        names = [by] if isinstance(by, str) else list(by or ())
         if not isinstance(model, (str, PathLike)):
             raise TypeError(f"model is {type(model).__name__}, but has to be the path of an ONNX file")
         with tempfile.TemporaryDirectory(prefix="pdk-gradient-") as folder:
             file = Path(folder) / "gradient.onnx"
             command = [executable(), "gradient", Path(model), "--out", file, "--json"]
             command += [] if of is None else [f"--of={of}"]
-            command += [f"--by={name}" for name in by]
+            command += [f"--by={name}" for name in names]
             written = subprocess.run(command, capture_output=True, text=True)
             if written.returncode:
                 raise Error(written.stderr.strip().removeprefix("pdk: error: "))
@@ -57,11 +68,13 @@ class Gradient:
         #: The names of what the gradient is taken with respect to.
         self.by = [name.removeprefix("gradient/") for name in self._outputs[1:]]
 
-    def __call__(self, *inputs, **named):
+    def __call__(self, *inputs: "ArrayLike", **named: "ArrayLike") -> "NDArray[Any] | dict[str, NDArray[Any]]":
         """The gradients, as `with_value` returns them."""
         return self.with_value(*inputs, **named)[1]
 
-    def with_value(self, *inputs, **named):
+    def with_value(
+        self, *inputs: "ArrayLike", **named: "ArrayLike"
+    ) -> "tuple[float, NDArray[Any] | dict[str, NDArray[Any]]]":
         """The number, and the gradients: an array if there is one, else a dictionary by name.
 
         Arrays belong to the inputs in their order, or by name; they are converted to the type of their input.
@@ -69,7 +82,9 @@ class Gradient:
         number, *gradients = self._session.run(self._outputs, self._arrays(inputs, named))
         return float(number), gradients[0] if len(gradients) == 1 else dict(zip(self.by, gradients, strict=True))
 
-    def _arrays(self, inputs, named):
+    def _arrays(
+        self, inputs: "tuple[ArrayLike, ...]", named: "dict[str, ArrayLike]"
+    ) -> "dict[str, NDArray[Any]]":
         import numpy
 
         if len(inputs) > len(self.inputs):
