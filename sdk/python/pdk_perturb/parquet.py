@@ -94,7 +94,8 @@ def _telemetry(record, folder):
         columns = {
             "id": pyarrow.array([line["id"]] * count, pyarrow.string()),
             "number": pyarrow.array([number] * count, pyarrow.int64()),
-            **{name: pyarrow.array(values) for name, values in steps.items()},
+            # What was not there is not a number in NumPy, and null here.
+            **{name: pyarrow.array(values, from_pandas=True) for name, values in steps.items()},
         }
         writer.add(pyarrow.table(columns))
     return writer.finish()

@@ -66,6 +66,16 @@ pub fn trace_steps<'py>(
     for (place, name) in Control::NUMBERS.iter().enumerate() {
         columns.set_item(name, numbers(&|step| step.control.numbers()[place]))?;
     }
+    // As `pdk export` names them; not a number at frames without.
+    for (place, name) in ["told_time", "told_speed"].into_iter().enumerate() {
+        columns.set_item(name, numbers(&|step| step.told.map_or(f64::NAN, |told| told[place])))?;
+    }
+    for (place, name) in ["applied_steering", "applied_throttle"].into_iter().enumerate() {
+        columns.set_item(
+            name,
+            numbers(&|step| step.applied.map_or(f64::NAN, |applied| applied.numbers()[place])),
+        )?;
+    }
     let hashes: Vec<u64> = steps.iter().map(|step| step.frame_hash).collect();
     columns.set_item("frame_hash", hashes.into_pyarray(py))?;
     Ok(columns)

@@ -503,3 +503,17 @@ def test_a_metric_is_a_function(tmp_path):
     assert len(names) == result["frames"] == built_in["frames"]
     assert [total["name"] for total in alone["original"]] == ["score"] and alone["rows"] == []
     assert built_in["task"] == "classification" and after["original"][0]["value"] == 1
+
+
+def test_what_was_applied_and_what_the_driver_got_are_in_the_steps(tmp_path):
+    simulator = {"name": "lane", "width": 80, "height": 60, "rate": 20}
+    late = {"name": "late_controls", "level": 0, "delay": 0.1}
+    slow = {"name": "biased_speed", "level": 0, "share": -0.5}
+    with pdk.Session(simulator=simulator, driver="lane_keeper", duration=1, out=tmp_path / "out") as session:
+        session.drive([{"perturbations": [late, slow]}, {}])
+    steps = session.record.steps(0)
+    assert (steps["applied_steering"][2:] == steps["steering"][:-2]).all()
+    assert (steps["told_speed"] == 0.5 * steps["speed"]).all() and (steps["told_time"] == steps["time"]).all()
+    plain = session.record.steps(1)
+    for name in ("told_time", "told_speed", "applied_steering", "applied_throttle"):
+        assert numpy.isnan(plain[name]).all()
