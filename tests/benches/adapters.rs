@@ -2,7 +2,7 @@
 //! and what the way to a driver in another process and back takes.
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench adapters
+//! cargo build --release && cargo bench --bench adapters
 //! ```
 //!
 //! The simulators here answer each control at once, with the same picture of a road each time; what they need for that is measured by

@@ -1,7 +1,7 @@
 //! What a call across the boundary between pdk and a plugin costs, in nanoseconds, with components that do next to nothing:
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench boundary
+//! cargo build --release && cargo bench --bench boundary
 //! ```
 
 // A benchmark may fail like a test.

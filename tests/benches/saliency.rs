@@ -1,7 +1,7 @@
 //! What a saliency map costs, beside the forward pass of its network, in milliseconds: for each method, engine and network.
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench saliency [-- --model FILE.onnx]
+//! cargo build --release && cargo bench --bench saliency [-- --model FILE.onnx]
 //! ```
 //!
 //! ONNX Runtime is measured if it is installed, `dave2` always, and the network that `--model` names. Each number is the median

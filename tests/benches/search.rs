@@ -1,7 +1,7 @@
 //! How good the search strategies are on problems whose answers are known. Needs no simulator:
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...] [--problems PROBLEM,...]
+//! cargo build --release && cargo bench --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...] [--problems PROBLEM,...]
 //! ```
 //!
 //! [`fronts`]: NSGA-II on problems of the literature, by the hypervolume of its last population. `pymoo_reference.py`

@@ -2,9 +2,9 @@
 //! and writes the tables from both:
 //!
 //! ```sh
-//! cargo bench -p pdk-tests --bench speed                    # everything, for people
-//! cargo bench -p pdk-tests --bench speed -- --only loop     # the loop alone
-//! cargo bench -p pdk-tests --bench speed -- --only contrast --sizes 320x240 --json FILE --frames FOLDER
+//! cargo bench --bench speed                    # everything, for people
+//! cargo bench --bench speed -- --only loop     # the loop alone
+//! cargo bench --bench speed -- --only contrast --sizes 320x240 --json FILE --frames FOLDER
 //! ```
 //!
 //! Everything is measured in one run on one thread, in processor time of that thread, with a copy of a frame as the yardstick.
