@@ -39,12 +39,12 @@ const LONG: [&str; 11] = [
     "pdk run scripts/",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set driver=onnx",
+    "pdk gate dave2 dave2_augmented",
     "pdk replay",
     "pdk report",
     "pdk export",
     "pdk shrink",
     "pdk saliency docs/examples/tub",
-    "pdk gate dave2 dave2_augmented",
     "pdk suite runs/smoke-1",
     "pdk verify",
 ];
