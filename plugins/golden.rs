@@ -9,9 +9,9 @@
 
 use std::path::PathBuf;
 
-use pdk_sdk::config::frame_values;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{Map, Value, from_str};
+use pdk_sdk::serde_json::{Value, from_str};
+use pdk_sdk::testing::Trial;
 
 const IMAGES: [&str; 3] = ["road", "track", "cat_odd"];
 
@@ -37,13 +37,9 @@ pub fn perturb_into<P: Component + Perturbation>(
     key: &Key,
     frame_index: u64,
 ) {
-    let description = P::description();
-    let config = Config::check(&description, given.as_object().unwrap_or(&Map::new())).unwrap();
-    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-    let mut values = Vec::new();
-    frame_values(&description, &config, intensity, &mut values);
-    let context = Context::new(intensity, frame_index, 0.0, key).with_values(&names, &values);
-    P::new(&config).unwrap().apply(src, dst, &context).unwrap();
+    let mut trial = Trial::<P>::new(given, intensity, *key).unwrap();
+    let (instance, cx) = trial.at(frame_index, 0.0);
+    instance.apply(src, dst, &cx).unwrap();
 }
 
 /// The folder with the large set of reference outputs, if there is one.

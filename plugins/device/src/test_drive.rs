@@ -1,10 +1,10 @@
 //! Drives for tests, at 20 frames a second.
 
-use pdk_sdk::config::frame_values;
 use pdk_sdk::perturbation::pass;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{Map, Value};
+use pdk_sdk::serde_json::Value;
 use pdk_sdk::signals::{Numbers, Passed};
+use pdk_sdk::testing::Trial;
 
 /// The time of a frame at which whole numbers of frames are exact enough.
 fn time(index: usize) -> f64 {
@@ -12,20 +12,15 @@ fn time(index: usize) -> f64 {
 }
 
 fn passed<P: Component + Perturbation>(given: &Value, level: f64, signals: &[Numbers]) -> Vec<Numbers> {
-    let description = P::description();
-    let config = Config::check(&description, given.as_object().unwrap_or(&Map::new())).unwrap();
-    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-    let (mut values, key) = (Vec::new(), Key([6; 32]));
-    frame_values(&description, &config, level, &mut values);
-    let mut instance = P::new(&config).unwrap();
-    let mut kept = Passed::of(description.history as usize);
+    let mut trial = Trial::<P>::new(given, level, Key([6; 32])).unwrap();
+    let (acts_on, mut kept) = (P::description().acts_on, Passed::of(trial.history));
     let mut found = Vec::new();
     for (index, given) in signals.iter().enumerate() {
         let (frame_index, time) = (index as u64, time(index));
-        let mut cx = Context::new(level, frame_index, time, &key).with_values(&names, &values);
+        let (instance, mut cx) = trial.at(frame_index, time);
         cx.period = Some(0.05);
         let cx = cx.with_signals(kept.before(frame_index));
-        let passed = pass(&mut instance, description.acts_on, *given, &cx).unwrap();
+        let passed = pass(instance, acts_on, *given, &cx).unwrap();
         kept.keep(Signal { frame_index, time, given: *given, passed });
         found.push(passed);
     }

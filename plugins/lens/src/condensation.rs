@@ -138,27 +138,14 @@ impl Perturbation for Condensation {
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::{Trial, even_frame};
 
     use super::*;
 
     fn misted(given: &Value, time: f64, source: &FrameBuf) -> FrameBuf {
-        let description = Condensation::description();
-        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let (mut values, key) = (Vec::new(), Key([2; 32]));
-        frame_values(&description, &config, 2.0, &mut values);
-        let cx = Context::new(2.0, 0, time, &key).with_values(&names, &values);
-        let mut out = FrameBuf::new(source.width(), source.height());
-        Condensation::new(&config).unwrap().apply(source.as_ref(), out.as_mut(), &cx).unwrap();
-        out
-    }
-
-    fn grey(value: u8) -> FrameBuf {
-        let mut source = FrameBuf::new(80, 60);
-        source.as_mut().rows_mut().for_each(|row| row.fill(value));
-        source
+        let mut trial = Trial::<Condensation>::new(given, 2.0, Key([2; 32])).unwrap();
+        trial.frame(source, 0, time).unwrap()
     }
 
     #[test]
@@ -182,13 +169,13 @@ mod tests {
     #[test]
     fn an_even_frame_goes_towards_the_veil_as_the_formula_says() {
         let given = json!({"density": 1.0, "growth": 4, "wipe": 0});
-        let found = misted(&given, 0.0, &grey(40));
+        let found = misted(&given, 0.0, &even_frame(40, 80, 60));
         // After a minute all of it has grown, and some place has all that settles.
         let most = *found.data().iter().max().unwrap();
         let veiled = 0.625 * 40.0 + 0.375 * 205.0;
         assert!((f64::from(most) - veiled).abs() < 1.5, "{most} {veiled}");
         assert!(*found.data().iter().min().unwrap() < 80);
-        assert_eq!(misted(&json!({"density": 0}), 3.0, &grey(40)), grey(40));
+        assert_eq!(misted(&json!({"density": 0}), 3.0, &even_frame(40, 80, 60)), even_frame(40, 80, 60));
     }
 
     #[test]

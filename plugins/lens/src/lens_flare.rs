@@ -116,19 +116,15 @@ impl Perturbation for LensFlare {
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::ops::light::{from_light, to_light};
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::{Trial, even_frame};
 
     use super::*;
 
     fn flared(instance: &mut LensFlare, given: &Value, source: &FrameBuf) -> FrameBuf {
-        let description = LensFlare::description();
-        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let (mut values, key) = (Vec::new(), Key([2; 32]));
-        frame_values(&description, &config, 2.0, &mut values);
-        let cx = Context::new(2.0, 0, 0.0, &key).with_values(&names, &values);
+        let mut trial = Trial::<LensFlare>::new(given, 2.0, Key([2; 32])).unwrap();
+        let (_, cx) = trial.at(0, 0.0);
         let mut out = FrameBuf::new(source.width(), source.height());
         instance.apply(source.as_ref(), out.as_mut(), &cx).unwrap();
         out
@@ -136,8 +132,7 @@ mod tests {
 
     #[test]
     fn the_light_is_added_that_the_source_scatters_to_each_pixel() {
-        let mut source = FrameBuf::new(60, 40);
-        source.as_mut().rows_mut().for_each(|row| row.fill(70));
+        let source = even_frame(70, 60, 40);
         let mut instance = LensFlare::default();
         for (x, y) in [(0.5, 0.5), (0.2, 0.1)] {
             let given = json!({"source": "placed", "x": x, "y": y, "strength": 0.8});

@@ -123,21 +123,14 @@ impl Perturbation for WaterFilm {
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::Trial;
 
     use super::*;
 
     fn seen(given: &Value, time: f64, source: &FrameBuf) -> FrameBuf {
-        let description = WaterFilm::description();
-        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let (mut values, key) = (Vec::new(), Key([2; 32]));
-        frame_values(&description, &config, 2.0, &mut values);
-        let cx = Context::new(2.0, 0, time, &key).with_values(&names, &values);
-        let mut out = FrameBuf::new(source.width(), source.height());
-        WaterFilm::new(&config).unwrap().apply(source.as_ref(), out.as_mut(), &cx).unwrap();
-        out
+        let mut trial = Trial::<WaterFilm>::new(given, 2.0, Key([2; 32])).unwrap();
+        trial.frame(source, 0, time).unwrap()
     }
 
     /// A frame whose red grows to the right and whose green grows down, a grey level a pixel.

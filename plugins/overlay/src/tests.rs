@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 
 use image::codecs::gif::GifEncoder;
 use image::{Delay, Rgba, RgbaImage};
-use pdk_sdk::config::frame_values;
 use pdk_sdk::perturbation::check;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
-use pdk_sdk::testing::sample_frame;
+use pdk_sdk::testing::{Trial, sample_frame};
 use pdk_video::mp4::{Indexed, Mp4, index};
 use pdk_video::{Opened, Reader, Yuv420};
 
@@ -102,15 +101,10 @@ fn apply<P: Component + Perturbation>(
     time: f64,
     src: Frame<'_>,
 ) -> Result<FrameBuf> {
-    let description = P::description();
-    let config = Config::check(&description, given.as_object().unwrap())?;
-    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-    let mut values = Vec::new();
-    frame_values(&description, &config, intensity, &mut values);
-    let key = Key([8; 32]);
-    let cx = Context::new(intensity, 0, time, &key).with_values(&names, &values);
+    let mut trial = Trial::<P>::new(&given, intensity, Key([8; 32]))?;
+    let (instance, cx) = trial.at(0, time);
     let mut dst = FrameBuf::new(src.width(), src.height());
-    P::new(&config)?.apply(src, dst.as_mut(), &cx)?;
+    instance.apply(src, dst.as_mut(), &cx)?;
     Ok(dst)
 }
 
@@ -332,16 +326,11 @@ fn the_sun_lowers_exposure_and_contrast() {
 fn rain_comes_faster_to_a_vehicle_that_drives_faster() {
     let src = sample_frame(96, 48);
     let after = |metres: Option<f64>| {
-        let description = DynamicRain::description();
-        let config = Config::check(&description, json!({}).as_object().unwrap()).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let mut values = Vec::new();
-        frame_values(&description, &config, 4.0, &mut values);
-        let key = Key([8; 32]);
-        let mut cx = Context::new(4.0, 20, 1.0, &key).with_values(&names, &values);
+        let mut trial = Trial::<DynamicRain>::new(&json!({}), 4.0, Key([8; 32])).unwrap();
+        let (instance, mut cx) = trial.at(20, 1.0);
         cx.travelled = metres;
         let mut dst = FrameBuf::new(96, 48);
-        DynamicRain::new(&config).unwrap().apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
+        instance.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
         dst
     };
     // Ten metres in a second is what the clip is drawn for.
@@ -533,19 +522,9 @@ fn damage_while_a_clip_plays_is_repaired() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), "own.gif", &gif(12, GREEN));
     let given = json!({"clip": path.to_str(), "loop": "repeat"});
-    let description = Overlay::description();
-    let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-    let mut values = Vec::new();
-    frame_values(&description, &config, 4.0, &mut values);
-    let (key, src) = (Key([8; 32]), sample_frame(37, 23));
-    let mut overlay = Overlay::new(&config).unwrap();
-    let mut at = |time: f64| {
-        let cx = Context::new(4.0, 0, time, &key).with_values(&names, &values);
-        let mut dst = FrameBuf::new(37, 23);
-        overlay.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
-        dst
-    };
+    let src = sample_frame(37, 23);
+    let mut trial = Trial::<Overlay>::new(&given, 4.0, Key([8; 32])).unwrap();
+    let mut at = |time: f64| trial.frame(&src, 0, time).unwrap();
     let (first, second) = (at(0.0), at(0.04));
     let clip = Clip::Path(path);
     let mut damaged = 0;

@@ -91,8 +91,9 @@ impl Perturbation for CannyEdgesMapping {
 mod tests {
     use pdk_sdk::prelude::*;
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::Trial;
 
-    use super::{CannyEdgesMapping, frame_values};
+    use super::CannyEdgesMapping;
     use crate::golden;
 
     #[test]
@@ -114,16 +115,9 @@ mod tests {
     fn a_low_threshold_above_the_high_one_is_refused() {
         let src = pdk_sdk::testing::sample_frame(20, 10);
         let run = |given: Value, intensity: f64| {
-            let description = CannyEdgesMapping::description();
-            let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-            let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-            let mut values = Vec::new();
-            frame_values(&description, &config, intensity, &mut values);
-            let key = Key::default();
-            let cx = Context::new(intensity, 0, 0.0, &key).with_values(&names, &values);
-            let mut instance = CannyEdgesMapping::new(&config).map_err(|error| format!("new: {error}"))?;
-            let mut dst = FrameBuf::new(20, 10);
-            instance.apply(src.as_ref(), dst.as_mut(), &cx).map_err(|error| error.to_string())
+            let trial = Trial::<CannyEdgesMapping>::new(&given, intensity, Key::default());
+            let mut trial = trial.map_err(|error| format!("new: {error}"))?;
+            trial.frame(&src, 0, 0.0).map(drop).map_err(|error| error.to_string())
         };
         let refused = run(json!({"low_threshold": 300, "high_threshold": 200}), 2.0).unwrap_err();
         assert!(refused.starts_with("new: parameter `low_threshold` is 300 and above"), "{refused}");

@@ -1,9 +1,9 @@
 //! Sequences for tests: even frames, each with a grey of its own.
 
-use pdk_sdk::config::frame_values;
 use pdk_sdk::history::Recollection;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{Map, Value};
+use pdk_sdk::serde_json::Value;
+use pdk_sdk::testing::{Trial, even_frame};
 
 /// The grey of a frame, never black.
 pub fn mark(index: usize) -> u8 {
@@ -11,9 +11,7 @@ pub fn mark(index: usize) -> u8 {
 }
 
 fn frame(index: usize) -> FrameBuf {
-    let mut frame = FrameBuf::new(70, 40);
-    frame.as_mut().rows_mut().for_each(|row| row.fill(mark(index)));
-    frame
+    even_frame(mark(index), 70, 40)
 }
 
 /// Perturbs the frames from `first` to before `end`, one after the other, at 20 frames a second.
@@ -23,17 +21,12 @@ fn perturbed<P: Component + Perturbation>(
     first: usize,
     end: usize,
 ) -> Vec<FrameBuf> {
-    let description = P::description();
-    let config = Config::check(&description, given.as_object().unwrap_or(&Map::new())).unwrap();
-    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-    let (mut values, key) = (Vec::new(), Key([6; 32]));
-    frame_values(&description, &config, level, &mut values);
-    let mut instance = P::new(&config).unwrap();
-    let mut kept = Recollection::of(description.history as usize);
+    let mut trial = Trial::<P>::new(given, level, Key([6; 32])).unwrap();
+    let mut kept = Recollection::of(trial.history);
     (first..end)
         .map(|index| {
             let (source, time) = (frame(index), index as f64 / 20.0);
-            let cx = Context::new(level, index as u64, time, &key).with_values(&names, &values);
+            let (instance, cx) = trial.at(index as u64, time);
             let mut out = FrameBuf::new(source.width(), source.height());
             let cx = cx.with_history(kept.before(source.as_ref(), index as u64));
             instance.apply(source.as_ref(), out.as_mut(), &cx).unwrap();

@@ -1,7 +1,6 @@
 //! After the first frame of a size, kernels allocate nothing.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+mod counting;
 
 use pdk_ops::{
     FrameBuf, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg, light,
@@ -9,36 +8,6 @@ use pdk_ops::{
     zoom,
 };
 use pdk_seed::Key;
-
-/// The system's allocator, counting what this thread asks for.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: everything is passed on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn kernels_allocate_on_the_first_frame_only() {
@@ -99,9 +68,9 @@ fn kernels_allocate_on_the_first_frame_only() {
         draw::draw_line(dst.as_mut(), 3, 4, 50, 6, [1, 2, 3]);
     };
     let count = |work: &mut dyn FnMut()| {
-        let before = ALLOCATIONS.get();
+        let before = counting::count();
         work();
-        ALLOCATIONS.get() - before
+        counting::count() - before
     };
     assert!(count(&mut || all(0)) > 0, "the counter does not count");
     for frame in 1..5 {

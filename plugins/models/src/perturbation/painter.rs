@@ -112,8 +112,8 @@ mod tests {
     use super::super::rainy::Rainy;
     use super::*;
     use crate::gradient_tests::engines;
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::Trial;
 
     /// A perturbation and its network.
     type Painter = (fn() -> Description, &'static [u8]);
@@ -143,17 +143,7 @@ mod tests {
     }
 
     fn painted<P: Component + Perturbation>(given: Value, level: f64, frame: &FrameBuf) -> FrameBuf {
-        let description = P::description();
-        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
-        let mut painter = P::new(&config).unwrap();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let mut values = Vec::new();
-        frame_values(&description, &config, level, &mut values);
-        let key = Key([1; 32]);
-        let cx = Context::new(level, 0, 0.0, &key).with_values(&names, &values);
-        let mut out = FrameBuf::new(frame.width(), frame.height());
-        painter.apply(frame.as_ref(), out.as_mut(), &cx).unwrap();
-        out
+        Trial::<P>::new(&given, level, Key([1; 32])).unwrap().frame(frame, 0, 0.0).unwrap()
     }
 
     fn mean(frame: &FrameBuf) -> f64 {

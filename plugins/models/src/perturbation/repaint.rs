@@ -266,8 +266,8 @@ mod tests {
     use crate::gradient_tests::engines;
     use pdk_onnx::testing::Sketch;
     use pdk_onnx::{Tensor, model};
-    use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::testing::Trial;
     use tempfile::NamedTempFile;
 
     /// A network for images of 16 x 12 that swaps red and blue, with numbers from 0 to 1 in and `gain` times that plus `offset` out.
@@ -283,25 +283,14 @@ mod tests {
         file
     }
 
-    fn open(file: &NamedTempFile, more: Value) -> Result<(Repaint, Config)> {
-        let mut given = more.as_object().unwrap().clone();
-        given.insert("model".into(), file.path().to_str().unwrap().into());
-        given.insert("scale".into(), "0..1".into());
-        let config = Config::check(&Repaint::description(), &given)?;
-        Ok((Repaint::new(&config)?, config))
+    fn open(file: &NamedTempFile, mut more: Value, level: f64) -> Result<Trial<Repaint>> {
+        more["model"] = file.path().to_str().unwrap().into();
+        more["scale"] = "0..1".into();
+        Trial::new(&more, level, Key([1; 32]))
     }
 
     fn painted(file: &NamedTempFile, more: Value, level: f64, frame: &FrameBuf) -> FrameBuf {
-        let (mut repaint, config) = open(file, more).unwrap();
-        let description = Repaint::description();
-        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
-        let mut values = Vec::new();
-        frame_values(&description, &config, level, &mut values);
-        let key = Key([1; 32]);
-        let cx = Context::new(level, 0, 0.0, &key).with_values(&names, &values);
-        let mut out = FrameBuf::new(frame.width(), frame.height());
-        repaint.apply(frame.as_ref(), out.as_mut(), &cx).unwrap();
-        out
+        open(file, more, level).unwrap().frame(frame, 0, 0.0).unwrap()
     }
 
     fn swapped(frame: &FrameBuf) -> FrameBuf {
@@ -358,7 +347,7 @@ mod tests {
         {
             let file = NamedTempFile::with_suffix(".onnx").unwrap();
             std::fs::write(file.path(), model::encode(&s.model(&[output]))).unwrap();
-            let error = open(&file, json!({})).err().unwrap().to_string();
+            let error = open(&file, json!({}), 0.0).err().unwrap().to_string();
             assert!(error.contains(part), "{error}");
         }
         let error = Config::check(&Repaint::description(), json!({}).as_object().unwrap());

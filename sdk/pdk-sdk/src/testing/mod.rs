@@ -20,6 +20,7 @@
 
 pub(crate) mod sample;
 pub(crate) mod signals;
+mod trial;
 
 use pdk_abi::each_kind;
 use serde_json::{Map, Value};
@@ -30,7 +31,8 @@ use crate::config::Config;
 use crate::describe::Description;
 use crate::error::{Error, Result};
 use crate::kinds::Kind;
-pub use sample::{Make, sample_frame};
+pub use sample::{Make, even_frame, sample_frame};
+pub use trial::Trial;
 
 macro_rules! on_kinds {
     ($($(#[$does:meta])* $kind:ident $name:ident $plural:ident: $table:ident $table_ref:ident, $one:literal, $several:literal;)*) => {

@@ -11,6 +11,13 @@ pub type Make<'a, T> = &'a mut dyn FnMut(&Config) -> Result<Box<T>>;
 /// Frame sizes that find most mistakes: a single pixel, odd sizes, a usual one.
 pub(crate) const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
 
+/// A frame of one grey.
+pub fn even_frame(grey: u8, width: usize, height: usize) -> FrameBuf {
+    let mut frame = FrameBuf::new(width, height);
+    frame.as_mut().rows_mut().for_each(|row| row.fill(grey));
+    frame
+}
+
 /// A frame with some structure: a gradient, an edge and texture.
 pub fn sample_frame(width: usize, height: usize) -> FrameBuf {
     let mut frame = FrameBuf::new(width, height);
