@@ -98,7 +98,7 @@ impl Link {
             held,
             level: applied.level.clone(),
             limits: Limits {
-                part: applied.during.as_ref().map(Part::new).transpose()?,
+                part: applied.during.as_ref().map(Part::new),
                 mask: applied.region.as_ref().map(Mask::new).transpose()?,
                 selector: selection
                     .map(|selection| Selector::new(registry, selection, dice.key_for("where", seed)))
@@ -262,7 +262,8 @@ impl Link {
     /// If that is not known, with its name.
     pub fn geometry(&self) -> Result<Geometry> {
         let Limits { part, mask, selector, .. } = &self.limits;
-        let limited = part.is_some() || mask.is_some() || selector.is_some() || self.attended.is_some();
+        let in_a_part = part.as_ref().is_some_and(Part::has_box);
+        let limited = in_a_part || mask.is_some() || selector.is_some() || self.attended.is_some();
         let sentence = match self.parameters.description.geometry {
             Geometry::Kept => return Ok(Geometry::Kept),
             Geometry::Moved if !limited => return Ok(Geometry::Moved),

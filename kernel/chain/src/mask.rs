@@ -31,9 +31,10 @@ impl Mask {
         Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0, inverted: false })
     }
 
-    /// The same, or everything outside of it.
-    pub fn inverted(self, inverted: bool) -> Self {
-        Self { inverted, ..self }
+    /// A box in shares of the frame, or everything outside of it.
+    pub fn of_box(area: [f64; 4], inverted: bool) -> Self {
+        let region = Region::Box(area);
+        Self { region, image: None, weights: Vec::new(), width: 0, height: 0, inverted }
     }
 
     /// How much of each pixel of a frame of this size is changed, 0 to 255, row by row.

@@ -1,8 +1,6 @@
 //! The part of a drive that a perturbation is limited to.
 
 use pdk_model::during::{During, Span};
-use pdk_model::region::Region;
-use pdk_sdk::error::Result;
 
 use crate::mask::Mask;
 
@@ -15,16 +13,15 @@ pub struct Part {
 
 impl Part {
     /// A part.
-    ///
-    /// # Errors
-    /// None; boxes need no files.
-    pub fn new(during: &During) -> Result<Self> {
-        let mask = |span: Span, inverted| -> Result<Option<Mask>> {
-            let mask = span.area.map(|area| Mask::new(&Region::Box(area))).transpose()?;
-            Ok(mask.map(|mask| mask.inverted(inverted)))
-        };
-        let masks = [mask(during.span, false)?, mask(during.except.unwrap_or_default(), true)?];
-        Ok(Self { during: *during, masks })
+    pub fn new(during: &During) -> Self {
+        let mask = |span: Span, inverted| span.area.map(|area| Mask::of_box(area, inverted));
+        let masks = [mask(during.span, false), mask(during.except.unwrap_or_default(), true)];
+        Self { during: *during, masks }
+    }
+
+    /// Whether it limits what is changed of a frame, and not only which frames are changed.
+    pub fn has_box(&self) -> bool {
+        self.during.has_box()
     }
 
     /// Whether nothing of the frame at this time, in seconds, is perturbed.
@@ -51,7 +48,7 @@ mod tests {
 
     /// What is changed of a frame of two by two pixels at a time: nothing, all, or these of its pixels.
     fn changed(during: Value, time: f64) -> Option<Vec<u8>> {
-        let mut part = Part::new(&During::from_json(&during).unwrap()).unwrap();
+        let mut part = Part::new(&During::from_json(&during).unwrap());
         if part.spares(time) {
             return None;
         }

@@ -24,8 +24,8 @@ use pdk_truth::taken::{Take, Taken};
 
 /// The version of the protocol, which has to be the same at both ends. `docs/worker-protocol.md` says what is a new version.
 pub const VERSION: u32 = 2;
-/// How often the version has grown. An end that has grown less does not get what it does not have, and one that has grown more is understood
-/// as far as it is known here.
+/// The minor version. A session sends no work that is newer than the minor version of the worker, and both ends ignore fields and messages that are
+/// newer than their own.
 pub const MINOR: u32 = 1;
 
 /// A message to a worker.
@@ -104,6 +104,12 @@ impl Work {
         match self {
             Self::Evaluate(frames) if matches!(frames.subject, Subject::Predictor { .. }) => {
                 Some((1, "predictors"))
+            }
+            // An id protects a scenario from a worker that does not know the field.
+            Self::Evaluate(frames)
+                if frames.perturbation.as_ref().is_some_and(|one| one.during.is_some()) =>
+            {
+                Some((1, "the modifier `during`"))
             }
             _ => None,
         }
@@ -221,7 +227,7 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
-    /// A component took the process along if that is not a job's outcome, such as when an instance was dropped; one sentence.
+    /// A component ended the process outside of a job, such as when an instance was dropped; one sentence.
     Trouble(String),
     /// It cannot go on, and why.
     Failed(String),

@@ -251,6 +251,8 @@ impl RunDirectory {
         let folder = self.path.join(TRACES);
         if !folder.is_dir() {
             fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
+        }
+        if !self.path.join(LAYOUT).is_file() {
             self.write_text(LAYOUT, LAYOUT_TEXT)?;
         }
         Ok(self.trace_path(scenario))

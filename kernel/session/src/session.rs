@@ -283,8 +283,8 @@ impl Session {
 }
 
 impl Session {
-    /// Ends the session: all workers leave. Returns which components took their process along if that is not a job's outcome, such
-    /// as when an instance was dropped, a sentence each.
+    /// Ends the session: all workers leave. Returns which components ended their process outside of a job, such as when an instance
+    /// was dropped, a sentence each.
     pub fn end(&mut self) -> Vec<String> {
         // If the thread is gone already, its workers are as well.
         let _ = self.requests.send(Event::Close);

@@ -63,6 +63,7 @@ pub fn run() -> Result<()> {
         tries: 0,
         unheard: false,
         suspect: None,
+        left_out: false,
     };
     // The session tells the user. If it is gone, all that is left is to leave.
     if let Err(error) = worker.serve() {
@@ -94,6 +95,8 @@ struct Worker {
     unheard: bool,
     /// How a process ended that had done other jobs before this one.
     suspect: Option<String>,
+    /// Whether it was reported that the session says what is not known here.
+    left_out: bool,
 }
 
 struct Process {
@@ -129,9 +132,11 @@ impl Worker {
                 Some(Event::Session(Found::Nonsense(_, Some(name))))
                     if !ToWorker::NAMES.contains(&&*name) =>
                 {
-                    eprintln!(
-                        "pdk: warning: the session says `{name}`, which this worker does not know and leaves out"
-                    );
+                    if !std::mem::replace(&mut self.left_out, true) {
+                        eprintln!(
+                            "pdk: warning: the session says `{name}`, which this worker does not know and leaves out"
+                        );
+                    }
                 }
                 Some(Event::Session(Found::Nonsense(error, _))) => {
                     return Err(Error::new(format!("the session says what is not a message ({error})")));

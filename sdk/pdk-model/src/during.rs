@@ -48,14 +48,24 @@ impl Span {
 }
 
 /// A part of a drive.
+// Read by `from_json`: serde does not refuse unknown fields of an object that is flattened.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Value")]
 pub struct During {
     /// What is perturbed.
     #[serde(flatten)]
     pub span: Span,
     /// What is left out of that.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub except: Option<Span>,
+}
+
+impl TryFrom<Value> for During {
+    type Error = Error;
+
+    fn try_from(value: Value) -> Result<Self> {
+        Self::from_json(&value)
+    }
 }
 
 impl During {
@@ -116,6 +126,9 @@ mod tests {
     fn mistakes_are_named() {
         let error = |value: Value| During::from_json(&value).unwrap_err().to_string();
         assert!(error(json!({"form": 1})).contains("unknown field `form`"));
+        let read = |value: Value| serde_json::from_value::<During>(value).map_err(|error| error.to_string());
+        assert!(read(json!({"form": 1})).unwrap_err().contains("unknown field `form`"));
+        assert!(read(json!({"except": {"form": 1}})).unwrap_err().contains("unknown field `form`"));
         assert!(error(json!(3)).contains("it is not a table"));
         assert!(error(json!({"from": -1})).contains("`from` has to be 0 or more"));
         assert!(error(json!({"from": 2, "to": 2})).contains("over before it begins"));

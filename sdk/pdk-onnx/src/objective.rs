@@ -172,9 +172,8 @@ pub fn values<'a>(graph: &'a Graph, names: &[String]) -> Result<Vec<&'a str>> {
     let mut values: Vec<&str> = Vec::new();
     for name in names {
         let node = || graph.nodes().iter().find(|node| node.name == *name)?.output.first();
-        if let Some(value) = graph.values.name(name).or_else(|| node().map(String::as_str)) {
-            values.push(value);
-        } else if name == WEIGHTS {
+        // First, so that it stands for all weights even if one of them has this name.
+        if name == WEIGHTS {
             let needed: Vec<&str> = graph.outputs().iter().map(String::as_str).collect();
             let needed = graph.needed(&needed, &HashSet::new());
             let nodes = graph.nodes().iter().zip(needed).filter(|(_, needed)| *needed);
@@ -182,6 +181,8 @@ pub fn values<'a>(graph: &'a Graph, names: &[String]) -> Result<Vec<&'a str>> {
             let is_weight = |name: &&str| matches!(graph.source(name), Some(Source::Initializer(_)));
             let mut taken = HashSet::new();
             values.extend(inputs.filter(is_weight).filter(floats).filter(|name| taken.insert(*name)));
+        } else if let Some(value) = graph.values.name(name).or_else(|| node().map(String::as_str)) {
+            values.push(value);
         } else {
             return Err(Error::new(format!(
                 "there is no value or node `{name}`; `{WEIGHTS}` names all weights, and the inputs are {}",
@@ -215,7 +216,7 @@ fn term(sign: f64, words: &[&str], graph: &Graph) -> Result<Term> {
     let (measure, value) = measured(text, graph);
     graph.fact(value).map_err(|error| {
         let values: Vec<_> = graph.outputs().iter().map(|name| format!("`{name}`")).collect();
-        error.at(format!("the outputs are {}", values.join(", ")))
+        Error::new(format!("{error}; the outputs are {}", values.join(", ")))
     })?;
     Ok(Term { factor, measure, value: value.to_owned() })
 }

@@ -135,7 +135,7 @@ pub(crate) fn axis(axis: i64, rank: usize) -> Result<usize> {
     usize::try_from(counted)
         .ok()
         .filter(|&axis| axis < rank)
-        .ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))
+        .ok_or_else(|| Error::new(format!("its axis {axis} is outside the {rank} axes")))
 }
 
 /// The places of axes in the order of the list, where they may be counted from the end.

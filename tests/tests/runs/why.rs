@@ -7,7 +7,8 @@ use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, temp};
 use serde_json::{Value, json};
 
-/// A failure that needs one of two perturbations, a drive without any, and one that fails without any.
+/// A failure that needs one of two perturbations, a drive without any, one that fails without any, one that is limited, and a failure that comes later without the
+/// perturbation that it does not need.
 const SOURCE: &str = r#"
     local road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }
     local simulator = { name = "lane", width = 64, height = 48, rate = 10 }
@@ -15,7 +16,8 @@ const SOURCE: &str = r#"
         scenarios = { { road = road, perturbations = { "translate_image@4", "gaussian_noise@0" } }, { road = road } } })
     pdk.drive({ simulator = simulator, driver = "lane_keeper", duration = 1, images_every = 0,
         scenarios = { { road = road, perturbations = { "gaussian_noise@0" } },
-            { road = road, perturbations = { { name = "translate_image", level = 4, during = { from = 1 } } } } } })
+            { road = road, perturbations = { { name = "translate_image", level = 4, during = { from = 1 } } } },
+            { duration = 20, road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }, perturbations = { "rotate_image@4", "gaussian_noise@4" } } } })
 "#;
 
 fn record(folder: &Path) -> PathBuf {
@@ -85,6 +87,22 @@ fn both_parts_are_proven_by_drives_that_anyone_can_repeat() {
     for clip in ["sufficient.mp4", "necessary.mp4"] {
         assert!(fs::metadata(folder.path().join("why").join(clip)).unwrap().len() > 1000);
     }
+}
+
+#[test]
+fn what_is_left_of_a_chain_may_fail_later() {
+    let folder = temp();
+    let record = record(folder.path());
+    let before = json_lines(&record.join("scenarios.jsonl"))[4].clone();
+    let found = why(&record, folder.path(), "4").arg("--json").succeed().json();
+    assert_eq!(found["not_needed"], json!(["rotate_image@4"]));
+    let [sufficient, necessary] = ["sufficient", "necessary"].map(|what| &found[what]);
+    assert_eq!(
+        (&sufficient["outcome"]["cause"], &before["cause"]),
+        (&json!("lane_departure"), &json!("lane_departure"))
+    );
+    assert_eq!(necessary["outcome"]["success"], true, "{found}");
+    assert!(sufficient["outcome"]["frames"].as_u64() > before["frames"].as_u64(), "{found}");
 }
 
 #[test]

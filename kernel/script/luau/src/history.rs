@@ -11,6 +11,8 @@ use crate::signals::ScriptSignal;
 pub struct ScriptHistory {
     list: Table,
     entries: Vec<(Table, AnyUserData)>,
+    /// Entries of signals, each with what was given and what was passed on.
+    signals: Vec<[Table; 3]>,
 }
 
 impl ScriptHistory {
@@ -21,7 +23,7 @@ impl ScriptHistory {
     pub fn new(lua: &Lua, context: &Table) -> mlua::Result<Self> {
         let list = lua.create_table()?;
         context.raw_set("history", &list)?;
-        Ok(Self { list, entries: Vec::new() })
+        Ok(Self { list, entries: Vec::new(), signals: Vec::new() })
     }
 
     /// Makes the list that of another frame. Scripts may change the images, which are copies.
@@ -54,7 +56,7 @@ impl ScriptHistory {
 }
 
 impl ScriptHistory {
-    /// Makes the list that of the signals before another frame.
+    /// Makes the list that of the signals before another frame. Scripts may change the tables, which are written anew.
     ///
     /// # Errors
     /// If the script is out of memory.
@@ -66,11 +68,19 @@ impl ScriptHistory {
     ) -> mlua::Result<()> {
         self.list.clear()?;
         for (place, signal) in signals.iter().enumerate() {
-            let entry = lua.create_table()?;
+            if place == self.signals.len() {
+                self.signals.push([lua.create_table()?, lua.create_table()?, lua.create_table()?]);
+            }
+            let [entry, given, passed] = &self.signals[place];
+            entry.clear()?;
+            for (name, table, numbers) in [("given", given, signal.given), ("passed", passed, signal.passed)]
+            {
+                table.clear()?;
+                shape.write(table, numbers)?;
+                entry.raw_set(name, table)?;
+            }
             entry.raw_set("frame_index", signal.frame_index as f64)?;
             entry.raw_set("time", signal.time)?;
-            entry.raw_set("given", shape.copy(lua, signal.given)?)?;
-            entry.raw_set("passed", shape.copy(lua, signal.passed)?)?;
             self.list.raw_set(place + 1, entry)?;
         }
         Ok(())

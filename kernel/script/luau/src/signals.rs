@@ -40,7 +40,7 @@ impl ScriptSignal {
 
     /// Puts numbers into the table.
     pub fn set(&self, numbers: Numbers) -> mlua::Result<()> {
-        write(&self.table, &self.names, numbers)
+        self.write(&self.table, numbers)
     }
 
     /// The numbers as the script left them.
@@ -65,19 +65,13 @@ impl ScriptSignal {
         Ok(numbers)
     }
 
-    /// A table with these numbers for `cx.history`.
-    pub fn copy(&self, lua: &Lua, numbers: Numbers) -> mlua::Result<Table> {
-        let table = lua.create_table()?;
-        write(&table, &self.names, numbers)?;
-        Ok(table)
+    /// Puts numbers into another table, one of `cx.history`.
+    pub fn write(&self, table: &Table, numbers: Numbers) -> mlua::Result<()> {
+        for (name, number) in self.names.iter().zip(numbers) {
+            table.raw_set(name, number)?;
+        }
+        Ok(())
     }
-}
-
-fn write(table: &Table, names: &[LuaString; 2], numbers: Numbers) -> mlua::Result<()> {
-    for (name, number) in names.iter().zip(numbers) {
-        table.raw_set(name, number)?;
-    }
-    Ok(())
 }
 
 /// What a script's function returned, which has to be nothing.

@@ -7,18 +7,19 @@
 //! workers.
 
 use indicatif::ProgressBar;
-use pdk_loop::protocol::Drive;
 use pdk_model::canonical::canonical;
 use pdk_model::level::Level;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 use pdk_sdk::seed;
-use pdk_session::session::{Reply, Session};
+use pdk_session::session::Session;
 use pdk_statistics::estimate::{CONFIDENCE, Estimate};
 use pdk_statistics::share::share;
 use serde_json::Value;
+
+use crate::drives;
 
 /// Duration is reported in steps of this, in seconds.
 const TENTH: f64 = 0.1;
@@ -54,19 +55,7 @@ pub struct Limits {
 /// # Errors
 /// If it did not fail, or does not any more, or the session cannot go on.
 pub fn shrink(session: &mut Session, line: &Line, limits: Limits, progress: &ProgressBar) -> Result<Shrunk> {
-    if line.outcome.success {
-        return Err(Error::new(format!(
-            "scenario {} was a success, so there is no failure to shrink",
-            line.id
-        )));
-    }
-    if line.outcome.cause == Cause::Error {
-        let error = line.outcome.error.as_deref().unwrap_or("it did not say why");
-        return Err(Error::new(format!(
-            "in scenario {} a component failed, which says nothing about the driver: {error}",
-            line.id
-        )));
-    }
+    drives::check_failed(line, "shrink")?;
     let mut shrinking = Shrinking {
         session,
         cause: line.outcome.cause,
@@ -77,14 +66,7 @@ pub fn shrink(session: &mut Session, line: &Line, limits: Limits, progress: &Pro
         progress,
     };
     let again = shrinking.drive(vec![line.scenario.clone()])?.remove(0);
-    if again.cause != line.outcome.cause {
-        return Err(Error::new(format!(
-            "scenario {} ended with {} when it was recorded and with {} now; `pdk replay` says what is different",
-            line.id,
-            line.outcome.cause.text(),
-            again.cause.text()
-        )));
-    }
+    drives::check_same_cause(line, &again)?;
     shrinking.outcome = again;
     shrinking.chain()?;
     shrinking.intensities(limits.precision)?;
@@ -113,24 +95,7 @@ impl Shrinking<'_> {
     fn drive(&mut self, scenarios: Vec<Scenario>) -> Result<Vec<Outcome>> {
         self.attempts += scenarios.len();
         self.progress.set_message(format!("{} drives", self.attempts));
-        let mut tickets = Vec::with_capacity(scenarios.len());
-        for scenario in scenarios {
-            let name = scenario.default_name();
-            tickets.push(self.session.drive(Drive {
-                scenario,
-                name,
-                trace: None,
-                images_every: 0,
-                skips: None,
-                view: None,
-            }));
-        }
-        let progress = self.progress;
-        let outcome = |ticket| match self.session.wait(ticket, &mut |_| progress.tick())? {
-            Reply::Driven(driven) => Ok(driven.outcome),
-            _ => Err(Error::new("driving a scenario gave something else, which is a defect in pdk")),
-        };
-        tickets.into_iter().map(outcome).collect()
+        drives::outcomes(self.session, scenarios, self.progress)
     }
 
     /// Takes the first of these that still fails, with what it is called. Whether there is one.

@@ -41,6 +41,14 @@ impl Block {
             .then(|| [self.columns.start, self.rows.start, self.columns.end, self.rows.end].map(share))
     }
 
+    /// Whether another block lies in this one.
+    pub fn contains(&self, other: &Self) -> bool {
+        (0..3).all(|axis| {
+            let (own, other) = (self.axis(axis), other.axis(axis));
+            own.start <= other.start && other.end <= own.end
+        })
+    }
+
     fn axis(&self, axis: usize) -> &Range<u32> {
         [&self.frames, &self.columns, &self.rows][axis]
     }

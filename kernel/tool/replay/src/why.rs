@@ -9,16 +9,16 @@
 use std::collections::HashMap;
 
 use indicatif::ProgressBar;
-use pdk_loop::protocol::Drive;
 use pdk_model::during::{During, Span};
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::{Scenario, ScenarioId};
+use pdk_model::scenario::{Mode, Scenario, ScenarioId};
 use pdk_record::ledger::Line;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
-use pdk_session::session::{Reply, Session};
+use pdk_session::session::Session;
 
+use crate::drives;
 use crate::smallest::{Block, GRID, OF_TIME, SIDES, smallest};
 
 /// A part of a drive, and the drive that proves that it matters.
@@ -52,16 +52,15 @@ pub struct Why {
 /// Finds out why a recorded scenario failed.
 ///
 /// # Errors
-/// If it did not fail, does not any more, fails without perturbations too, has parts of its own, or the session cannot go on.
+/// If it did not fail, does not any more, fails without perturbations too, was driven in real time, has parts of its own or does not repeat itself, or if the session
+/// cannot go on.
 pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result<Why> {
     let Line { id, scenario, outcome, .. } = line;
-    if outcome.success {
-        return Err(Error::new(format!("scenario {id} was a success, so there is no failure to explain")));
-    }
-    if outcome.cause == Cause::Error {
-        let error = outcome.error.as_deref().unwrap_or("it did not say why");
+    drives::check_failed(line, "explain")?;
+    if scenario.mode == Mode::Realtime {
         return Err(Error::new(format!(
-            "in scenario {id} a component failed, which says nothing about the driver: {error}"
+            "scenario {id} was driven in real time, where a drive depends on how fast the machine is, so a cause cannot be proven; drive it in \
+             lockstep and ask about that"
         )));
     }
     if let Some(own) = scenario.perturbations.iter().find(|applied| applied.during.is_some()) {
@@ -70,18 +69,9 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
             own.short_name()
         )));
     }
-    let frames = u32::try_from(outcome.frames).unwrap_or(u32::MAX);
-    // The first frame is at 0 s.
-    let interval = outcome.time / f64::from(frames.saturating_sub(1).max(1));
     let mut search = Search { session, cause: outcome.cause, known: HashMap::new(), probes: 0, progress };
     let again = search.drive(std::slice::from_ref(scenario))?.remove(0);
-    if again.cause != outcome.cause {
-        return Err(Error::new(format!(
-            "scenario {id} ended with {} when it was recorded and with {} now; `pdk replay` says what is different",
-            outcome.cause.text(),
-            again.cause.text()
-        )));
-    }
+    drives::check_same_cause(line, &again)?;
     let raw = Scenario { perturbations: Vec::new(), ..scenario.clone() };
     let raw = search.drive(&[raw])?.remove(0);
     if !raw.success {
@@ -92,6 +82,11 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
         )));
     }
     let (scenario, not_needed) = search.needed(scenario)?;
+    // What is left may fail later than all together.
+    let failed = search.drive(std::slice::from_ref(&scenario))?.remove(0);
+    let frames = u32::try_from(failed.frames).unwrap_or(u32::MAX);
+    // The first frame is at 0 s.
+    let interval = failed.time / f64::from(frames.saturating_sub(1).max(1));
     // Faults of devices have no box.
     let of_frames = |applied: &AppliedPerturbation| {
         let entry = search.session.catalog().get(Kind::Perturbation, &applied.name);
@@ -116,15 +111,22 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
     let mut passes =
         |parts: &[Block]| search.necessary(&parts.iter().map(|part| limited(part, true)).collect::<Vec<_>>());
     // What suffices is often necessary as well; if it is not, there is more than one cause.
-    let within = passes(std::slice::from_ref(&part))?.first() == Some(&true);
-    let from = if within { part.clone() } else { Block::whole(frames) };
+    let is_needed = passes(std::slice::from_ref(&part))?.first() == Some(&true);
+    let from = if is_needed { part.clone() } else { Block::whole(frames) };
     let other = smallest(from, sides, &mut passes)?;
+    let within = part.contains(&other);
     let mut proof = |part: Block, except| {
         let scenario = limited(&part, except);
         let outcome = search.drive(std::slice::from_ref(&scenario))?.remove(0);
         Ok::<_, Error>(Proof { part, scenario, outcome })
     };
     let (sufficient, necessary) = (proof(part, false)?, proof(other, true)?);
+    if sufficient.outcome.cause != outcome.cause || !necessary.outcome.success {
+        return Err(Error::new(format!(
+            "drives of scenario {id} contradict each other, so a cause cannot be proven: its driver or its simulator does not repeat itself; \
+             `pdk replay` says where"
+        )));
+    }
     Ok(Why { not_needed, sufficient, necessary, within, interval, probes: search.probes })
 }
 
@@ -147,30 +149,17 @@ struct Search<'a> {
 impl Search<'_> {
     /// Drives scenarios that were not driven yet, and returns the outcomes of all in the same order.
     fn drive(&mut self, scenarios: &[Scenario]) -> Result<Vec<Outcome>> {
-        let mut tickets = Vec::with_capacity(scenarios.len());
-        for scenario in scenarios.iter().filter(|scenario| !self.known.contains_key(&scenario.id())) {
-            let drive = Drive {
-                scenario: scenario.clone(),
-                name: scenario.default_name(),
-                trace: None,
-                images_every: 0,
-                skips: None,
-                view: None,
-            };
-            tickets.push((scenario.id(), self.session.drive(drive)));
-        }
-        for (id, ticket) in tickets {
-            self.probes += 1;
-            self.progress.set_message(format!("{} drives", self.probes));
-            let progress = self.progress;
-            let Reply::Driven(driven) = self.session.wait(ticket, &mut |_| progress.tick())? else {
-                return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
-            };
-            if driven.outcome.cause == Cause::Error {
-                let error = driven.outcome.error.unwrap_or_default();
+        let new: Vec<Scenario> =
+            scenarios.iter().filter(|scenario| !self.known.contains_key(&scenario.id())).cloned().collect();
+        let ids: Vec<ScenarioId> = new.iter().map(Scenario::id).collect();
+        self.probes += new.len();
+        self.progress.set_message(format!("{} drives", self.probes));
+        for (id, outcome) in ids.into_iter().zip(drives::outcomes(self.session, new, self.progress)?) {
+            if outcome.cause == Cause::Error {
+                let error = outcome.error.unwrap_or_default();
                 return Err(Error::new(format!("a component failed in one of the drives: {error}")));
             }
-            self.known.insert(id, driven.outcome);
+            self.known.insert(id, outcome);
         }
         Ok(scenarios.iter().filter_map(|scenario| self.known.get(&scenario.id()).cloned()).collect())
     }

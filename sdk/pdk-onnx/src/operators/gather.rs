@@ -20,7 +20,7 @@ fn places(indices: &Tensor, length: usize) -> Result<Vec<usize>> {
         let counted = if index < 0 { index + length as i64 } else { index };
         usize::try_from(counted).ok().filter(|&place| place < length)
     };
-    let wrong = |index: i64| Error::new(format!("its index {index} is not below {length}"));
+    let wrong = |index: i64| Error::new(format!("its index {index} is outside the {length} elements"));
     indices.to_ints().into_iter().map(|index| place(index).ok_or_else(|| wrong(index))).collect()
 }
 

@@ -106,7 +106,7 @@ fn infer_flatten(site: &Site<'_>) -> Result<Vec<Fact>> {
     let axis = site.int("axis", 1);
     let at = if axis < 0 { axis + rank } else { axis };
     let at = usize::try_from(at).ok().filter(|&at| at <= fact.shape.len());
-    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is not below {rank}")))?;
+    let at = at.ok_or_else(|| Error::new(format!("its axis {axis} is outside the {rank} axes")))?;
     let (rows, columns) = fact.shape.split_at(at);
     Ok(vec![Fact::new(fact.element, vec![rows.iter().product(), columns.iter().product()])])
 }
