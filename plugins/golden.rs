@@ -59,9 +59,7 @@ fn folder() -> Option<PathBuf> {
 }
 
 fn read_image(path: PathBuf) -> FrameBuf {
-    let image = image::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).to_rgb8();
-    let (width, height) = image.dimensions();
-    FrameBuf::from_vec(image.into_raw(), width as usize, height as usize).unwrap()
+    pdk_image::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 fn index(folder: &std::path::Path) -> Value {

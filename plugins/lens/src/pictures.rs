@@ -18,9 +18,7 @@ fn road() -> Option<FrameBuf> {
         .unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"));
     let path = data.join("road/solidYellowLeft.jpg");
     let path = if path.is_file() { path } else { data.join("data/road/solidYellowLeft.jpg") };
-    let image = image::open(&path).ok()?.to_rgb8();
-    let (width, height) = image.dimensions();
-    FrameBuf::from_vec(image.into_raw(), width as usize, height as usize).ok()
+    pdk_image::read(&path).ok()
 }
 
 /// The road, smaller: means over blocks.
@@ -40,8 +38,7 @@ fn shrunk(src: &FrameBuf, by: usize) -> FrameBuf {
 }
 
 fn save(frame: &FrameBuf, path: PathBuf) {
-    let image = image::RgbImage::from_raw(frame.width() as u32, frame.height() as u32, frame.data().to_vec());
-    image.unwrap().save(&path).unwrap();
+    pdk_image::write(&path, frame.as_ref()).unwrap();
     println!("{}", path.display());
 }
 

@@ -182,7 +182,7 @@ fn grows_with_the_intensity<P: Component + Perturbation>() {
 }
 
 fn an_intensity_that_rises_makes_nothing_jump<P: Component + Perturbation>() {
-    let source = scene(160, 120);
+    let source = scene(80, 60);
     let mut film = Film::<P>::new("{}", 0.0);
     let mut last = film.at(&source, 20.0);
     let mut highest = 0.0f64;

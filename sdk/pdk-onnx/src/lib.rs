@@ -18,7 +18,6 @@ pub mod proto;
 mod shapes;
 mod site;
 pub mod tensor;
-#[cfg(any(test, feature = "testing"))]
 pub mod testing;
 pub mod values;
 mod window;

@@ -121,7 +121,7 @@ fn taps_killed_while_they_open_hurt_neither_the_loop_nor_other_taps() {
     let run = unique("opener");
     let bus = Bus::create(&run, 0, WIDTH, HEIGHT).unwrap();
     let mut sequence = 0;
-    for delay in delays(Duration::from_millis(60)).take(40) {
+    for delay in delays(Duration::from_millis(60)).take(12) {
         let opener = Peer::start("opener", &run);
         let start = Instant::now();
         while start.elapsed() < delay {

@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use crate::component::Component;
 use crate::config::{Config, frame_values};
+use crate::describe::Description;
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};
 
@@ -27,21 +28,13 @@ impl<P: Component> Trial<P> {
     /// # Errors
     /// If the parameters are not those of its description, or it refuses them.
     pub fn new(given: &Value, level: f64, key: Key) -> Result<Self> {
-        let none = Map::new();
-        let given = match given {
-            Value::Null => &none,
-            Value::Object(given) => given,
-            _ => return Err(Error::new("the parameters are not an object")),
-        };
         let description = P::description();
-        let config = Config::check(&description, given)?;
-        let mut values = Vec::new();
-        frame_values(&description, &config, level, &mut values);
+        let (config, values) = at_level(&description, given, level)?;
         Ok(Self {
             instance: P::new(&config)?,
             history: description.history as usize,
             level,
-            names: description.parameters.into_iter().map(|parameter| parameter.name).collect(),
+            names: names(description),
             values,
             key,
         })
@@ -53,6 +46,25 @@ impl<P: Component> Trial<P> {
             Context::new(self.level, frame_index, time, &self.key).with_values(&self.names, &self.values);
         (&mut self.instance, cx)
     }
+}
+
+/// The parameters that `given` names, and the values of all at a level.
+fn at_level(description: &Description, given: &Value, level: f64) -> Result<(Config, Vec<f64>)> {
+    let none = Map::new();
+    let given = match given {
+        Value::Null => &none,
+        Value::Object(given) => given,
+        _ => return Err(Error::new("the parameters are not an object")),
+    };
+    let config = Config::check(description, given)?;
+    let mut values = Vec::new();
+    frame_values(description, &config, level, &mut values);
+    Ok((config, values))
+}
+
+/// The names of the parameters.
+fn names(description: Description) -> Vec<String> {
+    description.parameters.into_iter().map(|parameter| parameter.name).collect()
 }
 
 impl<P: Component + Perturbation> Trial<P> {

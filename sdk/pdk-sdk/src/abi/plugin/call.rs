@@ -6,33 +6,30 @@ use pdk_abi::{Sink, Status, status};
 
 use super::guard::Guarded;
 use crate::abi::convert;
-use crate::component::Component;
-use crate::config::Config;
 use crate::error::Result;
 
-/// Makes an instance.
-pub(super) fn create<T: Component + 'static>(config: &Config, names: Vec<String>) -> Result<*mut c_void> {
-    Ok(Box::into_raw(Box::new(Guarded::new(T::new(config)?, names))).cast())
+/// An instance of a kind, for the host.
+pub(super) fn instance<K: ?Sized>(component: Box<K>, names: Vec<String>) -> *mut c_void {
+    Box::into_raw(Box::new(Guarded::new(component, names))).cast()
 }
 
 /// Ends an instance.
-pub(crate) unsafe extern "C" fn end<T>(object: *mut c_void) {
+pub(crate) unsafe extern "C" fn end<K: ?Sized>(object: *mut c_void) {
     // SAFETY: the host has it from here, and does not use it after this.
-    drop(unsafe { Box::from_raw(object.cast::<Guarded<T>>()) });
+    drop(unsafe { Box::from_raw(object.cast::<Guarded<K>>()) });
 }
 
 /// Calls the component in an instance.
 ///
 /// # Safety
-/// The instance was made here for this type, no other call of it is in progress, and the sink is that of this call.
-#[inline]
-pub(crate) unsafe fn call<T>(
+/// The instance was made here for this kind, no other call of it is in progress, and the sink is that of this call.
+pub(crate) unsafe fn call<K: ?Sized>(
     object: *mut c_void,
     error: *const Sink,
-    work: impl FnOnce(&mut T, &[String]) -> Result<()>,
+    work: impl FnOnce(&mut K, &[String]) -> Result<()>,
 ) -> Status {
     // SAFETY: the caller's promise.
-    unsafe { finish((*object.cast::<Guarded<T>>()).call(work), error) }
+    unsafe { finish((*object.cast::<Guarded<K>>()).call(work), error) }
 }
 
 /// Passes a text on.
@@ -44,11 +41,10 @@ pub(crate) unsafe fn put(into: *const Sink, text: &str) {
     unsafe { pdk_abi::load(into, pdk_abi::empty()).put(text.as_bytes()) };
 }
 
-/// Ends a call: where it failed, with its sentence.
+/// Ends a call, with its sentence if it failed.
 ///
 /// # Safety
 /// The sink is that of a call in progress.
-#[inline]
 pub(super) unsafe fn finish(result: Result<()>, sink: *const Sink) -> Status {
     match result {
         Ok(()) => Status { code: status::DONE },
@@ -62,6 +58,8 @@ pub(super) unsafe fn finish(result: Result<()>, sink: *const Sink) -> Status {
 
 /// Declares the functions of an instance of a kind, and their table. What they do with the host's pointers is within the promises that `call`
 /// asks for: these live through the call, and the instance was made here and is lent to one call at a time.
+///
+/// They know a component as a value of its kind's trait, so that they are compiled once and not for every component of every plugin.
 macro_rules! functions {
     ($bound:ident as $table:ident:
      $(fn $function:ident($component:ident, $names:pat $(, $argument:ident: $type:ty)*) $work:block)*) => {
@@ -69,23 +67,23 @@ macro_rules! functions {
         pub(crate) mod functions {
             use super::*;
             $(
-                unsafe extern "C" fn $function<T: $bound>(
+                unsafe extern "C" fn $function(
                     object: *mut std::ffi::c_void,
                     $($argument: $type,)*
                     error: *const pdk_abi::Sink,
                 ) -> pdk_abi::Status {
                     // SAFETY: the host lends the instance, the memory behind all pointers and the sink for this call, what is to be
                     // not written to by anything else.
-                    unsafe { $crate::abi::plugin::call::call::<T>(object, error, |$component, $names| $work) }
+                    unsafe { $crate::abi::plugin::call::call::<dyn $bound>(object, error, |$component, $names| $work) }
                 }
             )*
 
             /// Their table.
-            pub(crate) const fn table<T: $bound>() -> &'static pdk_abi::abi_stable::prefix_type::WithMetadata<pdk_abi::$table> {
+            pub(crate) const fn table() -> &'static pdk_abi::abi_stable::prefix_type::WithMetadata<pdk_abi::$table> {
                 const {
                     &pdk_abi::abi_stable::prefix_type::WithMetadata::new(pdk_abi::$table {
-                        drop: $crate::abi::plugin::call::end::<T>,
-                        $($function: $function::<T>,)*
+                        drop: $crate::abi::plugin::call::end::<dyn $bound>,
+                        $($function,)*
                     })
                 }
             }

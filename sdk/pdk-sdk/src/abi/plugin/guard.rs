@@ -66,16 +66,16 @@ pub(super) fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
 }
 
 /// An author's component with everything that keeps its panics from the host.
-pub(super) struct Guarded<T> {
-    component: ManuallyDrop<T>,
+pub(super) struct Guarded<T: ?Sized> {
+    component: ManuallyDrop<Box<T>>,
     /// Names of the parameters, in the order of the description.
     names: Vec<String>,
     /// A panic has left the component in an unknown state.
     broken: bool,
 }
 
-impl<T> Guarded<T> {
-    pub(super) fn new(component: T, names: Vec<String>) -> Self {
+impl<T: ?Sized> Guarded<T> {
+    pub(super) fn new(component: Box<T>, names: Vec<String>) -> Self {
         Self { component: ManuallyDrop::new(component), names, broken: false }
     }
 
@@ -85,7 +85,7 @@ impl<T> Guarded<T> {
             let sentence = format!("{PANICKED} earlier, so this instance is no longer used");
             return Err(Error::of(ErrorKind::Panic, sentence));
         }
-        // Stays set where `work` panics.
+        // Stays set if `work` panics.
         self.broken = true;
         guard(|| {
             let result = work(&mut self.component, &self.names);
@@ -95,7 +95,7 @@ impl<T> Guarded<T> {
     }
 }
 
-impl<T> Drop for Guarded<T> {
+impl<T: ?Sized> Drop for Guarded<T> {
     fn drop(&mut self) {
         let dropped = guard(|| {
             // SAFETY: the component is dropped here and nowhere else.
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn a_panic_is_an_error_of_its_own_kind_and_so_is_what_follows_it() {
-        let mut guarded = Guarded::new((), Vec::new());
+        let mut guarded = Guarded::new(Box::new(()), Vec::new());
         assert_eq!(guarded.call(|(), _| Ok(3)), Ok(3));
         let lost = Error::of(ErrorKind::Lost, "it is gone");
         assert_eq!(guarded.call(|(), _| Err::<(), _>(lost.clone())), Err(lost));

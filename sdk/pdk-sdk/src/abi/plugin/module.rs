@@ -9,7 +9,7 @@ use pdk_abi::{Plugin, PluginRef, Sink, Status, Text, each_kind};
 
 use super::call::{finish, put};
 use super::guard::guard;
-use super::registrations::{Exported, Package, configured, make};
+use super::registrations::{Exported, Package, Registration, configured, make};
 use crate::SDK_VERSION;
 use crate::abi::PluginDescription;
 
@@ -40,17 +40,31 @@ macro_rules! root_module {
 each_kind!(root_module);
 
 unsafe extern "C" fn describe<P: Exported>(description: *const Sink, error: *const Sink) -> Status {
+    // SAFETY: the host lends both sinks for this call.
+    unsafe { describe_all(&P::PACKAGE, P::TABLE, description, error) }
+}
+
+/// Describes a plugin.
+///
+/// # Safety
+/// The sinks are those of a call in progress.
+unsafe fn describe_all(
+    package: &Package,
+    table: &[Registration],
+    description: *const Sink,
+    error: *const Sink,
+) -> Status {
     let described = guard(|| {
-        let Package { name, version, homepage, repository } = P::PACKAGE;
+        let Package { name, version, homepage, repository } = *package;
         let homepage = if homepage.is_empty() { repository } else { homepage };
         let described = PluginDescription {
             name: name.to_owned(),
             version: version.to_owned(),
             sdk: SDK_VERSION.to_owned(),
             homepage: homepage.to_owned(),
-            components: P::TABLE.iter().map(|registration| (registration.describe)()).collect(),
+            components: table.iter().map(|registration| (registration.describe)()).collect(),
         };
-        // SAFETY: the host lends the sink for this call.
+        // SAFETY: the caller's promise.
         unsafe { put(description, &serde_json::to_string(&described)?) };
         Ok(())
     });
@@ -64,11 +78,26 @@ unsafe extern "C" fn input_files<P: Exported>(
     files: *const Sink,
     error: *const Sink,
 ) -> Status {
+    // SAFETY: the host lends everything for this call.
+    unsafe { list_input_files(P::TABLE, index, parameters, files, error) }
+}
+
+/// Lists the files that an instance reads.
+///
+/// # Safety
+/// The parameters and the sinks are those of a call in progress.
+unsafe fn list_input_files(
+    table: &[Registration],
+    index: usize,
+    parameters: Text,
+    files: *const Sink,
+    error: *const Sink,
+) -> Status {
     let listed = guard(|| {
-        // SAFETY: the host lends the parameters for this call.
-        let (registration, _, config) = unsafe { configured(P::TABLE, index, parameters) }?;
+        // SAFETY: the caller's promise.
+        let (registration, _, config) = unsafe { configured(table, index, parameters) }?;
         let listed = serde_json::to_string(&(registration.input_files)(&config)?)?;
-        // SAFETY: the host lends the sink for this call.
+        // SAFETY: the caller's promise.
         unsafe { put(files, &listed) };
         Ok(())
     });

@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use pdk_abi::{Instance, Sink, Status, Text, each_kind};
 use serde_json::{Map, Value};
 
-use super::call::{create, finish};
+use super::call::{finish, instance};
 use super::guard::guard;
 use crate::abi::convert;
 use crate::component::Component;
@@ -78,7 +78,13 @@ macro_rules! registrations {
         $(
             /// The table line of a component of this kind.
             pub const fn $plural<T: Component + crate::kinds::$name::$kind + 'static>() -> Registration {
-                let functions = crate::kinds::$name::functions::table::<T>();
+                fn create<T: Component + crate::kinds::$name::$kind + 'static>(
+                    config: &Config,
+                    names: Vec<String>,
+                ) -> Result<*mut c_void> {
+                    Ok(instance::<dyn crate::kinds::$name::$kind>(Box::new(T::new(config)?), names))
+                }
+                let functions = crate::kinds::$name::functions::table();
                 let functions = Functions::$kind(pdk_abi::$table_ref(functions.static_as_prefix()));
                 Registration { describe: T::description, create: create::<T>, functions, input_files: T::input_files }
             }
@@ -94,9 +100,26 @@ macro_rules! registrations {
                     into: *mut Instance<pdk_abi::$table_ref>,
                     error: *const Sink,
                 ) -> Status {
+                    // SAFETY: the host lends everything for this call.
+                    unsafe { from::$name(P::TABLE, index, parameters, into, error) }
+                }
+            )*
+        }
+
+        /// The same, from a plugin's table, compiled once and not for every plugin.
+        mod from {
+            use super::*;
+            $(
+                pub(super) unsafe fn $name(
+                    table: &[Registration],
+                    index: usize,
+                    parameters: Text,
+                    into: *mut Instance<pdk_abi::$table_ref>,
+                    error: *const Sink,
+                ) -> Status {
                     let made = guard(|| {
                         // SAFETY: the host lends the parameters for this call.
-                        let configured = unsafe { configured(P::TABLE, index, parameters) };
+                        let configured = unsafe { configured(table, index, parameters) };
                         let (registration, description, config) = configured?;
                         let Functions::$kind(functions) = registration.functions else {
                             let sentence = format!(concat!("component number {} is not a ", stringify!($name)), index);
