@@ -1,12 +1,17 @@
 //! Stored values as light, and back: the curve of sRGB (IEC 61966-2-1). What happens before a camera stores a value, such as exposure and
 //! haze, happens to light.
 
+use std::sync::OnceLock;
+
 /// Steps of light that are told apart: so many that the darkest stored values keep a distance of five steps.
 const STEPS: usize = 1 << 14;
 
-/// The tables of the curve. It takes half a millisecond to make them, so they are kept.
-#[derive(Debug, Clone)]
-pub struct Light {
+/// The curve as tables, which all of a process share: it takes half a millisecond to make them.
+#[derive(Debug, Clone, Copy)]
+pub struct Light(&'static Tables);
+
+#[derive(Debug)]
+struct Tables {
     linear: [f32; 256],
     stored: Vec<u8>,
 }
@@ -20,25 +25,28 @@ impl Default for Light {
 impl Light {
     /// The tables.
     pub fn new() -> Self {
-        Self {
-            linear: std::array::from_fn(|value| to_light(value as f64 / 255.0) as f32),
-            stored: (0..=STEPS)
-                .map(|step| (255.0 * from_light(step as f64 / STEPS as f64)).round() as u8)
-                .collect(),
-        }
+        static TABLES: OnceLock<Tables> = OnceLock::new();
+        Self(TABLES.get_or_init(|| {
+            Tables {
+                linear: std::array::from_fn(|value| to_light(value as f64 / 255.0) as f32),
+                stored: (0..=STEPS)
+                    .map(|step| (255.0 * from_light(step as f64 / STEPS as f64)).round() as u8)
+                    .collect(),
+            }
+        }))
     }
 
     /// The light of a stored value: 0 to 1.
     #[inline]
     pub fn of(&self, value: u8) -> f32 {
-        self.linear[value as usize]
+        self.0.linear[value as usize]
     }
 
     /// How a camera stores light. What is above 1 is clipped; what is not a number becomes black.
     #[inline]
     pub fn store(&self, light: f32) -> u8 {
         let step = (light * STEPS as f32 + 0.5) as usize;
-        self.stored[step.min(STEPS)]
+        self.0.stored[step.min(STEPS)]
     }
 }
 

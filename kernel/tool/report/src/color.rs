@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use pdk_sdk::ops::light::to_light;
 use serde::{Serialize, Serializer};
 
 /// A colour.
@@ -207,10 +208,7 @@ pub fn ink(ground: Rgb) -> Rgb {
 
 /// Contrast as the Web Content Accessibility Guidelines 2.1 define it.
 fn contrast(a: Rgb, b: Rgb) -> f64 {
-    let linear = |v: u8| {
-        let v = f64::from(v) / 255.0;
-        if v <= 0.04045 { v / 12.92 } else { libm::pow((v + 0.055) / 1.055, 2.4) }
-    };
+    let linear = |v: u8| to_light(f64::from(v) / 255.0);
     let light = |Rgb(r, g, b): Rgb| 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b) + 0.05;
     (light(a) / light(b)).max(light(b) / light(a))
 }
