@@ -42,25 +42,21 @@ impl Perturbation for BitErrors {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let coarseness = cx.number("coarseness") as f32;
         self.codec.encode(src, coarseness);
-        let (errors, mut random, mut place) = (cx.number("errors"), cx.frame_random(), 0.0);
-        let length = self.codec.length() as f64;
-        loop {
-            // How many bits are right before the next one that is wrong: infinitely many without errors.
-            place += (libm::log1p(-random.unit()) / libm::log1p(-errors)).floor();
-            if errors <= 0.0 || place >= length {
-                break;
+        let errors = cx.number("errors");
+        if errors > 0.0 {
+            let (mut random, length) = (cx.frame_random(), self.codec.length() as f64);
+            // How many bits are right before the next one that is wrong.
+            let mut right = || (libm::log1p(-random.unit()) / libm::log1p(-errors)).floor();
+            let mut place = right();
+            while place < length {
+                self.codec.flip(place as usize);
+                place += 1.0 + right();
             }
-            self.codec.flip(place as usize);
-            place += 1.0;
         }
-        let columns = src.width().div_ceil(MACROBLOCK);
         self.codec.decode();
         self.codec.write(dst.reborrow(), coarseness);
         let before = cx.history.back(1).map(|earlier| earlier.frame);
-        for (row, decoded) in self.codec.decode().iter().enumerate() {
-            if *decoded == columns {
-                continue;
-            }
+        for (row, decoded) in self.codec.broken() {
             let hidden = 3 * decoded * MACROBLOCK;
             for y in row * MACROBLOCK..((row + 1) * MACROBLOCK).min(src.height()) {
                 let to = &mut dst.row_mut(y)[hidden..];

@@ -4,6 +4,7 @@
 //! quantisation, runs of zeros and levels in codes of different lengths. A row of macroblocks is a slice, which can be decoded on its own.
 //! After an error a decoder reads on at the wrong place until a code is impossible, and hides the rest of the slice.
 
+use pdk_sdk::ops::jpeg::{CHROMA, LUMA};
 use pdk_sdk::prelude::*;
 
 /// Rows and columns of a macroblock.
@@ -14,20 +15,6 @@ const BLOCKS: usize = 6;
 const SIZE: usize = 64;
 /// The largest level that is coded.
 const LARGEST: i32 = 2047;
-
-/// The quantisation of Annex K of ITU-T T.81 for luma and chroma, in rows.
-const STEPS: [[u8; SIZE]; 2] = [
-    [
-        16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55, 14, 13, 16, 24, 40, 57, 69, 56, 14,
-        17, 22, 29, 51, 87, 80, 62, 18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92, 49,
-        64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
-    ],
-    [
-        17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99, 24, 26, 56, 99, 99, 99, 99, 99, 47,
-        66, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-        99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
-    ],
-];
 
 /// A frame as the stream has it, and what coding and decoding need.
 pub struct Codec {
@@ -44,8 +31,8 @@ pub struct Codec {
     /// The bits of all slices, one after the other, and where each begins.
     bits: Bits,
     begins: Vec<usize>,
-    /// The first macroblock of each slice that could not be decoded.
-    decoded: Vec<usize>,
+    /// How many macroblocks of each slice could be decoded; none if it has to be read again.
+    decoded: Vec<Option<usize>>,
 }
 
 /// Bits that are written and read.
@@ -117,6 +104,11 @@ fn unfolded(number: u32) -> i32 {
     if number % 2 == 1 { half } else { -half }
 }
 
+/// The quantisation of a block of a macroblock.
+fn steps(block: usize) -> &'static [u8; SIZE] {
+    if block < 4 { &LUMA } else { &CHROMA }
+}
+
 impl Codec {
     /// The tables.
     pub fn new() -> Self {
@@ -156,7 +148,7 @@ impl Codec {
             for block in 0..BLOCKS {
                 let samples = self.samples(macroblock, block);
                 let coefficients = self.transformed(&samples);
-                let steps = &STEPS[usize::from(block >= 4)];
+                let steps = steps(block);
                 let start = (macroblock * BLOCKS + block) * SIZE;
                 for (level, place) in self.levels[start..][..SIZE].iter_mut().zip(self.order) {
                     let step = (f32::from(steps[place]) * coarseness).max(1.0);
@@ -174,7 +166,7 @@ impl Codec {
         }
         self.begins.push(self.bits.length);
         self.decoded.clear();
-        self.decoded.resize(self.rows, self.columns);
+        self.decoded.resize(self.rows, Some(self.columns));
     }
 
     /// The number of bits.
@@ -187,24 +179,30 @@ impl Codec {
         self.bits.flip(place);
         // The slice that it belongs to has to be read again.
         let slice = self.begins.partition_point(|begin| *begin <= place) - 1;
-        self.decoded[slice] = 0;
+        self.decoded[slice] = None;
     }
 
-    /// Decodes the slices in which bits are wrong; how many macroblocks of each row of them could be decoded.
-    pub fn decode(&mut self) -> &[usize] {
+    /// Decodes the slices in which bits are wrong.
+    pub fn decode(&mut self) {
         for row in 0..self.rows {
-            if self.decoded[row] == 0 {
-                self.decoded[row] = self.read_slice(row);
+            if self.decoded[row].is_none() {
+                self.decoded[row] = Some(self.read_slice(row));
             }
         }
-        &self.decoded
+    }
+
+    /// The rows of macroblocks that could not be decoded to their end, with how many macroblocks of each could be.
+    pub fn broken(&self) -> impl Iterator<Item = (usize, usize)> {
+        let decoded = self.decoded.iter().enumerate();
+        decoded
+            .filter_map(move |(row, count)| Some((row, (*count)?)).filter(|(_, count)| *count < self.columns))
     }
 
     /// Writes the frame that the decoder has.
     pub fn write(&mut self, mut dst: FrameMut<'_>, coarseness: f32) {
         for macroblock in 0..self.columns * self.rows {
             for block in 0..BLOCKS {
-                let steps = &STEPS[usize::from(block >= 4)];
+                let steps = steps(block);
                 let start = (macroblock * BLOCKS + block) * SIZE;
                 let mut coefficients = [0.0f32; SIZE];
                 for (level, place) in self.levels[start..][..SIZE].iter().zip(self.order) {
@@ -418,8 +416,9 @@ mod tests {
             codec.encode(source.as_ref(), coarseness);
             // What is read is what was written.
             let levels = codec.levels.clone();
-            codec.decoded.fill(0);
-            assert!(codec.decode().iter().all(|count| *count == 4));
+            codec.decoded.fill(None);
+            codec.decode();
+            assert_eq!(codec.decoded, [Some(4); 3]);
             assert_eq!(codec.levels, levels);
             let mut target = FrameBuf::new(50, 37);
             codec.write(target.as_mut(), coarseness);
@@ -443,9 +442,9 @@ mod tests {
             codec.encode(source.as_ref(), 0.5);
             codec.flip(place);
             let slice = begins.partition_point(|begin| *begin <= place) - 1;
-            let decoded = codec.decode().to_vec();
-            assert!(decoded.iter().enumerate().all(|(row, count)| *count == 4 || row == slice));
-            stopped += usize::from(decoded[slice] < 4);
+            codec.decode();
+            assert!(codec.broken().all(|(row, count)| row == slice && count < 4));
+            stopped += codec.broken().count();
             let mut found = FrameBuf::new(50, 37);
             codec.write(found.as_mut(), 0.5);
             for (y, (row, clean)) in found.as_ref().rows().zip(clean.as_ref().rows()).enumerate() {

@@ -2,8 +2,8 @@
 
 use pdk_sdk::prelude::*;
 
-/// The side of a block: a macroblock of H.264.
-const BLOCK: usize = 16;
+use crate::codec::MACROBLOCK;
+
 /// Frames that it asks for, and so the longest time for which a block can be old.
 const FRAMES: u32 = 12;
 
@@ -51,7 +51,7 @@ fn first_lost(rows: usize, columns: usize, lost: f64, random: &mut Random) -> im
 
 impl Perturbation for LostBlocks {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let (columns, rows) = (src.width().div_ceil(BLOCK), src.height().div_ceil(BLOCK));
+        let (columns, rows) = (src.width().div_ceil(MACROBLOCK), src.height().div_ceil(MACROBLOCK));
         let lost = cx.number("lost");
         // From the frame at hand back, until every block has come or there are no more frames.
         self.ages.clear();
@@ -75,10 +75,10 @@ impl Perturbation for LostBlocks {
             }
         }
         for (y, to) in dst.rows_mut().enumerate() {
-            let ages = &self.ages[y / BLOCK * columns..][..columns];
-            for ((column, to), age) in to.chunks_mut(3 * BLOCK).enumerate().zip(ages) {
+            let ages = &self.ages[y / MACROBLOCK * columns..][..columns];
+            for ((column, to), age) in to.chunks_mut(3 * MACROBLOCK).enumerate().zip(ages) {
                 let from = cx.history.back(*age as usize).map_or(src, |earlier| earlier.frame);
-                to.copy_from_slice(&from.row(y)[3 * BLOCK * column..][..to.len()]);
+                to.copy_from_slice(&from.row(y)[3 * MACROBLOCK * column..][..to.len()]);
             }
         }
         Ok(())

@@ -9,8 +9,8 @@ use crate::dct::{Blocks, LANES, forward, inverse};
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::simd::vectorised;
 
-/// The quantisation tables of Annex K, for luma and for chroma, row by row.
-const LUMA: [u8; 64] = [
+/// The quantisation table of Annex K for luma, row by row.
+pub const LUMA: [u8; 64] = [
     16, 11, 10, 16, 24, 40, 51, 61, //
     12, 12, 14, 19, 26, 58, 60, 55, //
     14, 13, 16, 24, 40, 57, 69, 56, //
@@ -20,7 +20,8 @@ const LUMA: [u8; 64] = [
     49, 64, 78, 87, 103, 121, 120, 101, //
     72, 92, 95, 98, 112, 100, 103, 99,
 ];
-const CHROMA: [u8; 64] = [
+/// The quantisation table of Annex K for chroma, row by row.
+pub const CHROMA: [u8; 64] = [
     17, 18, 24, 47, 99, 99, 99, 99, //
     18, 21, 26, 66, 99, 99, 99, 99, //
     24, 26, 56, 99, 99, 99, 99, 99, //
