@@ -40,23 +40,26 @@ impl Component for Flicker {
     }
 }
 
-/// The factor of the light in a row, the share `down` of the way from the first to the one behind the last.
-fn gain(down: f64, cx: &Context<'_>) -> f64 {
+/// The lamps in a frame: the factor of the light in a row, by the share of the way from the first row to the one behind the last.
+fn gain(cx: &Context<'_>) -> impl Fn(f64) -> f64 {
     let mut random = cx.sequence_random();
     let phase = random.unit();
     let frequency = cx.number("frequency") * random.uniform(0.995, 1.005);
     // The mean over the exposure.
     let half = std::f64::consts::PI * frequency * cx.number("exposure");
     let evened = if half > 0.0 { libm::sin(half) / half } else { 1.0 };
-    let turn = frequency * (cx.time + down * cx.number("readout")) + phase;
-    1.0 + cx.number("depth") * evened * libm::cos(2.0 * std::f64::consts::PI * turn)
+    let (depth, time, readout) = (cx.number("depth") * evened, cx.time, cx.number("readout"));
+    move |down| {
+        let turn = frequency * (time + down * readout) + phase;
+        1.0 + depth * libm::cos(2.0 * std::f64::consts::PI * turn)
+    }
 }
 
 impl Perturbation for Flicker {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let height = src.height() as f64;
+        let (height, gain) = (src.height() as f64, gain(cx));
         for (y, (row, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
-            let gain = gain(y as f64 / height, cx) as f32;
+            let gain = gain(y as f64 / height) as f32;
             for (to, value) in row.iter_mut().zip(from) {
                 *to = self.light.store(gain * self.light.of(*value));
             }
@@ -80,9 +83,9 @@ mod tests {
         let cx = Context::new(2.0, 4, 0.2, &key).with_values(&names, &[0.5, 120.0, 0.03, 0.002]);
         let given = json!({"depth": 0.5, "frequency": 120, "readout": 0.03, "exposure": 0.002});
         let found = perturbed::<Flicker>(&given, 2.0, (4, 0.2), &[even(100, 3, 40)]);
-        let mut seen = std::collections::BTreeSet::new();
+        let (mut seen, gain) = (std::collections::BTreeSet::new(), gain(&cx));
         for (y, row) in found.as_ref().rows().enumerate() {
-            let expected = 255.0 * from_light(to_light(100.0 / 255.0) * gain(y as f64 / 40.0, &cx));
+            let expected = 255.0 * from_light(to_light(100.0 / 255.0) * gain(y as f64 / 40.0));
             assert!(row.iter().all(|value| (f64::from(*value) - expected).abs() < 0.7), "row {y}");
             seen.insert(row[0]);
         }

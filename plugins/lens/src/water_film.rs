@@ -9,6 +9,7 @@ const TEXELS: usize = 16;
 const SIDE: usize = CELLS * TEXELS;
 
 /// Lets water run down the glass.
+#[derive(Default)]
 pub struct WaterFilm {
     /// The slope of the film to the right and down, over a tile that repeats, for a key.
     slopes: Vec<[f32; 2]>,
@@ -36,13 +37,7 @@ impl Component for WaterFilm {
     }
 
     fn new(_config: &Config) -> Result<Self> {
-        Ok(Self {
-            slopes: Vec::new(),
-            made_for: None,
-            padded: Padded::default(),
-            xs: Vec::new(),
-            ys: Vec::new(),
-        })
+        Ok(Self::default())
     }
 }
 
