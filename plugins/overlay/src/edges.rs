@@ -8,6 +8,8 @@
 //! What is too thin to have an inside has the colour of its most opaque pixel that differs most from the screen. Rain, hair and whatever else has
 //! no opaque pixel stays as the keyer leaves it.
 
+use pdk_sdk::ops::edges::spread;
+
 use crate::picture::{Samples, rgb};
 
 /// How far the edges of a picture reach.
@@ -40,13 +42,15 @@ const TOLERANCE: f32 = 0.45;
 /// Gives edges the colours of what they belong to. The memory is kept from frame to frame.
 #[derive(Debug, Default)]
 pub struct Edges {
-    screen: Vec<u8>,
-    inside: Vec<u8>,
-    opaque: Vec<u8>,
-    beside: Vec<u8>,
-    scratch: Vec<u8>,
-    reached: Vec<u8>,
-    near: Vec<u8>,
+    /// What is near the screen.
+    near: Vec<bool>,
+    /// The insides of things, and what is near them.
+    inside: Vec<bool>,
+    reached: Vec<bool>,
+    /// What is opaque, and what is near that.
+    opaque: Vec<bool>,
+    beside: Vec<bool>,
+    since: Vec<usize>,
     offsets: Vec<(isize, isize)>,
 }
 
@@ -61,23 +65,23 @@ impl Edges {
         alpha: impl Fn(f32) -> f32,
         rgba: &mut [u8],
     ) {
-        let size = (samples.width, samples.height);
         let alphas = || rgba.chunks_exact(4).map(|pixel| pixel[3]);
-        self.screen.clear();
-        self.screen.extend(alphas().map(|alpha| u8::from(alpha == 0)));
-        grow(&self.screen, size, width.of_edge(), &mut self.scratch, &mut self.near);
+        self.near.clear();
+        self.near.extend(alphas().map(|alpha| alpha == 0));
+        spread(&mut self.near, samples.width, width.of_edge(), true, &mut self.since);
         self.inside.clear();
-        self.inside
-            .extend(alphas().zip(&self.near).map(|(alpha, near)| u8::from(alpha == 255 && *near == 0)));
-        grow(&self.inside, size, width.reach(), &mut self.scratch, &mut self.reached);
+        self.inside.extend(alphas().zip(&self.near).map(|(alpha, near)| alpha == 255 && !near));
+        self.reached.clone_from(&self.inside);
+        spread(&mut self.reached, samples.width, width.reach(), true, &mut self.since);
         self.opaque.clear();
-        self.opaque.extend(alphas().map(|alpha| u8::from(alpha == 255)));
-        grow(&self.opaque, size, width.of_edge(), &mut self.scratch, &mut self.beside);
+        self.opaque.extend(alphas().map(|alpha| alpha == 255));
+        self.beside.clone_from(&self.opaque);
+        spread(&mut self.beside, samples.width, width.of_edge(), true, &mut self.since);
         self.look_within(width.reach() as isize);
         for at in 0..self.near.len() {
             let thing = match (self.near[at], self.reached[at], self.beside[at]) {
-                (0, ..) | (_, 0, 0) => None,
-                (_, 0, _) => self.purest(samples, at, screen, width.of_edge() as isize),
+                (false, ..) | (_, false, false) => None,
+                (_, false, _) => self.purest(samples, at, screen, width.of_edge() as isize),
                 _ => self.nearest(samples, at),
             };
             let Some(thing) = thing else { continue };
@@ -118,7 +122,7 @@ impl Edges {
         let (x, y) = (at as isize % width, at as isize / width);
         let inside = |x: isize, y: isize| {
             let is_there = (0..width).contains(&x) && (0..height).contains(&y);
-            Some((y * width + x) as usize).filter(|&at| is_there && self.inside[at] != 0)
+            Some((y * width + x) as usize).filter(|&at| is_there && self.inside[at])
         };
         let (x, y) =
             self.offsets.iter().map(|(dx, dy)| (x + dx, y + dy)).find(|&(x, y)| inside(x, y).is_some())?;
@@ -143,7 +147,7 @@ impl Edges {
                 let own = colour(samples, at);
                 let from: [f32; 3] = std::array::from_fn(|i| own[i] - screen[i]);
                 let far = dot(from, from);
-                if self.opaque[at] != 0 && far > best.0 {
+                if self.opaque[at] && far > best.0 {
                     best = (far, Some(own));
                 }
             }
@@ -163,48 +167,4 @@ fn colour(samples: &Samples, at: usize) -> [f32; 3] {
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Marks what is at most `distance` rows and columns from a mark.
-fn grow(
-    marks: &[u8],
-    (width, height): (usize, usize),
-    distance: usize,
-    rows: &mut Vec<u8>,
-    into: &mut Vec<u8>,
-) {
-    rows.clear();
-    rows.resize(marks.len(), 0);
-    for (from, to) in marks.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (x, _) in from.iter().enumerate().filter(|(_, mark)| **mark != 0) {
-            to[x.saturating_sub(distance)..(x + distance + 1).min(width)].fill(1);
-        }
-    }
-    into.clear();
-    into.resize(marks.len(), 0);
-    for y in 0..height {
-        let to = &mut into[y * width..][..width];
-        for from in
-            rows.chunks_exact(width).take((y + distance + 1).min(height)).skip(y.saturating_sub(distance))
-        {
-            to.iter_mut().zip(from).for_each(|(to, from)| *to |= from);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn marks_grow_to_a_square() {
-        let mut marks = vec![0; 7 * 5];
-        marks[2 * 7 + 3] = 1;
-        let (mut rows, mut grown) = (Vec::new(), Vec::new());
-        grow(&marks, (7, 5), 1, &mut rows, &mut grown);
-        let expected: Vec<u8> = (0..35)
-            .map(|at| u8::from((at % 7usize).abs_diff(3) < 2 && (at / 7usize).abs_diff(2) < 2))
-            .collect();
-        assert_eq!(grown, expected);
-    }
 }

@@ -14,9 +14,12 @@ pub struct Treatment {
 /// Treats edges frame after frame. Keeps its memory, so that only the first frame of a size allocates.
 #[derive(Default)]
 pub struct Edges {
-    /// Whether a pixel is chosen, and the same in the middle of a step.
+    /// Whether a pixel is chosen.
     chosen: Vec<bool>,
-    between: Vec<bool>,
+    /// For each column how far back a pixel is that spreads.
+    since: Vec<usize>,
+    /// Whether a pixel belongs to a spot that has been found.
+    seen: Vec<bool>,
     /// The pixels of a spot.
     spot: Vec<usize>,
     /// Weights in the middle of a step.
@@ -57,7 +60,7 @@ impl Edges {
             if treatment.close > 0 {
                 // What lies beyond the frame is neither chosen nor left out.
                 for value in [true, false] {
-                    self.spread(lines, treatment.close, value);
+                    spread(&mut self.chosen, width, treatment.close, value, &mut self.since);
                 }
             }
             if treatment.smallest > 0 {
@@ -76,18 +79,9 @@ impl Edges {
         }
     }
 
-    /// Spreads `value` to all pixels within a square of `reach` pixels around those that have it.
-    fn spread(&mut self, [rows, columns]: [Lines; 2], reach: usize, value: bool) {
-        self.between.clear();
-        self.between.resize(self.chosen.len(), !value);
-        spread_along(&self.chosen, &mut self.between, rows, reach, value);
-        self.chosen.fill(!value);
-        spread_along(&self.between, &mut self.chosen, columns, reach, value);
-    }
-
     /// Leaves out spots, joined by their sides, of fewer pixels.
     fn leave_out_small(&mut self, width: usize, height: usize, smallest: usize) {
-        let Self { chosen, between: seen, spot, .. } = self;
+        let Self { chosen, seen, spot, .. } = self;
         seen.clear();
         seen.resize(chosen.len(), false);
         for start in 0..chosen.len() {
@@ -119,18 +113,32 @@ impl Edges {
     }
 }
 
-/// Spreads `value` along each line; `to` holds the other value throughout.
-fn spread_along(from: &[bool], to: &mut [bool], lines: Lines, reach: usize, value: bool) {
-    for line in 0..lines.count {
-        // How far back the last pixel of that value is, forwards and backwards.
-        for backwards in [false, true] {
-            let mut since = usize::MAX;
-            for place in 0..lines.length {
-                let at = lines.at(line, if backwards { lines.length - 1 - place } else { place });
-                since = if from[at] == value { 0 } else { since.saturating_add(1) };
-                if since <= reach {
-                    to[at] = value;
-                }
+/// Spreads `value` in a frame of rows of this width to all pixels within a square of `reach` pixels around those that have it. Keeps `since`, so
+/// that only the first frame of a size allocates.
+pub fn spread(pixels: &mut [bool], width: usize, reach: usize, value: bool, since: &mut Vec<usize>) {
+    // To one side and then to the other: what the first has reached carries the second no further than its origin.
+    for row in pixels.chunks_exact_mut(width) {
+        spread_on(row.chunks_exact_mut(1), reach, value, &mut [0]);
+        spread_on(row.chunks_exact_mut(1).rev(), reach, value, &mut [0]);
+    }
+    since.resize(width, 0);
+    spread_on(pixels.chunks_exact_mut(width), reach, value, since);
+    spread_on(pixels.chunks_exact_mut(width).rev(), reach, value, since);
+}
+
+/// Spreads `value` from each line to those behind it.
+fn spread_on<'a>(
+    lines: impl Iterator<Item = &'a mut [bool]>,
+    reach: usize,
+    value: bool,
+    since: &mut [usize],
+) {
+    since.fill(usize::MAX);
+    for line in lines {
+        for (pixel, since) in line.iter_mut().zip(&mut *since) {
+            *since = if *pixel == value { 0 } else { since.saturating_add(1) };
+            if *since <= reach {
+                *pixel = value;
             }
         }
     }
@@ -174,6 +182,21 @@ mod tests {
             rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
         let rows = treated(chosen, width, treatment);
         rows.chunks(width).map(|row| row.iter().map(|&w| if w > 127 { '#' } else { '.' }).collect()).collect()
+    }
+
+    #[test]
+    fn marks_spread_to_a_square() {
+        let mut marks = vec![false; 9 * 6];
+        marks[2 * 9 + 3] = true;
+        marks[5 * 9 + 8] = true;
+        let mut since = Vec::new();
+        spread(&mut marks, 9, 2, true, &mut since);
+        let near = |at: usize, x: usize, y: usize| (at % 9).abs_diff(x) < 3 && (at / 9).abs_diff(y) < 3;
+        let expected: Vec<bool> = (0..54).map(|at| near(at, 3, 2) || near(at, 8, 5)).collect();
+        assert_eq!(marks, expected);
+        // The rest spreads back as far, but not from beyond the frame.
+        spread(&mut marks, 9, 2, false, &mut since);
+        assert!(marks[2 * 9 + 3] && marks[5 * 9 + 8] && !marks[2 * 9 + 1], "{marks:?}");
     }
 
     #[test]
