@@ -22,13 +22,42 @@ pub struct Distances {
     source: Source,
     mounting: Mounting,
     beyond: f64,
-    /// How much longer the way to each pixel is than its distance along the optical axis, for frames of this size.
-    ways: Vec<f32>,
-    /// On the plane of the ground.
-    ground: Vec<f32>,
+    /// For frames of this size the distances on the plane of the ground, or, if the simulator has them, how much longer the way to each pixel
+    /// is than its distance along the optical axis.
+    table: Vec<f32>,
     /// As the simulator has them for the latest frame.
     seen: Vec<f32>,
     size: [usize; 2],
+}
+
+/// Where the pixels of frames of a size look.
+#[derive(Clone, Copy)]
+pub struct View {
+    /// The focal length in pixels.
+    pub focal: f64,
+    /// The sine and the cosine of the pitch.
+    pub pitch: [f64; 2],
+    /// The middle of the frame.
+    pub middle: [f64; 2],
+}
+
+impl View {
+    /// A pixel's place from the middle, to the right and down, in focal lengths.
+    fn tangents(&self, place: [usize; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (place[axis] as f64 + 0.5 - self.middle[axis]) / self.focal)
+    }
+
+    /// Where a pixel looks, on level ground: to the right, down and ahead, as the sides of a vector of length 1.
+    pub fn direction(&self, place: [usize; 2]) -> [f64; 3] {
+        let ([u, v], [sine, cosine], way) = (self.tangents(place), self.pitch, self.way(place));
+        [u / way, (sine + v * cosine) / way, (cosine - v * sine) / way]
+    }
+
+    /// How much longer the way to a pixel is than its distance along the optical axis.
+    fn way(&self, place: [usize; 2]) -> f64 {
+        let [u, v] = self.tangents(place);
+        (1.0 + u * u + v * v).sqrt()
+    }
 }
 
 /// Adds the parameters that say where distances come from.
@@ -57,8 +86,7 @@ impl Distances {
             source: if config.text("depth") == "simulator" { Source::Simulator } else { Source::Ground },
             mounting: config.mounting(),
             beyond: config.number("beyond"),
-            ways: Vec::new(),
-            ground: Vec::new(),
+            table: Vec::new(),
             seen: Vec::new(),
             size: [0, 0],
         }
@@ -74,20 +102,14 @@ impl Distances {
         self.source == Source::Ground
     }
 
-    /// The focal length in pixels of frames that are this wide.
-    pub fn focal(&self, width: usize) -> f64 {
-        width as f64 / 2.0 / libm::tan(self.mounting.field_of_view.to_radians() / 2.0)
-    }
-
-    /// Where a pixel looks, on level ground: to the right, down and ahead, as the sides of a vector of length 1.
-    pub fn direction(&self, [x, y]: [usize; 2], [width, height]: [usize; 2]) -> [f64; 3] {
-        let focal = self.focal(width);
-        let pitch = self.mounting.pitch.to_radians();
-        let (sine, cosine) = (libm::sin(pitch), libm::cos(pitch));
-        let u = (x as f64 + 0.5 - width as f64 / 2.0) / focal;
-        let v = (y as f64 + 0.5 - height as f64 / 2.0) / focal;
-        let way = (1.0 + u * u + v * v).sqrt();
-        [u / way, (sine + v * cosine) / way, (cosine - v * sine) / way]
+    /// Where the pixels of frames of a size look.
+    pub fn view(&self, [width, height]: [usize; 2]) -> View {
+        let Mounting { field_of_view, pitch, .. } = self.mounting;
+        View {
+            focal: width as f64 / 2.0 / libm::tan(field_of_view.to_radians() / 2.0),
+            pitch: [libm::sin(pitch.to_radians()), libm::cos(pitch.to_radians())],
+            middle: [width as f64 / 2.0, height as f64 / 2.0],
+        }
     }
 
     /// The distances of a frame of this size, row by row.
@@ -100,7 +122,7 @@ impl Distances {
             self.prepare(width, height);
         }
         if self.source == Source::Ground {
-            return Ok(&self.ground);
+            return Ok(&self.table);
         }
         let Some(depth) = cx.depth.filter(|depth| depth.len() == width * height) else {
             return Err(Error::new(
@@ -108,23 +130,23 @@ impl Distances {
             ));
         };
         self.seen.clear();
-        self.seen.extend(depth.iter().zip(&self.ways).map(|(depth, way)| (depth * way).min(SKY)));
+        self.seen.extend(depth.iter().zip(&self.table).map(|(depth, way)| (depth * way).min(SKY)));
         Ok(&self.seen)
     }
 
     fn prepare(&mut self, width: usize, height: usize) {
-        let focal = self.focal(width);
-        (self.ways, self.ground) = (Vec::with_capacity(width * height), Vec::with_capacity(width * height));
-        for y in 0..height {
-            let v = (y as f64 + 0.5 - height as f64 / 2.0) / focal;
-            for x in 0..width {
-                let u = (x as f64 + 0.5 - width as f64 / 2.0) / focal;
-                let [_, down, _] = self.direction([x, y], [width, height]);
-                let distance = if down > 0.0 { self.mounting.height / down } else { f64::INFINITY };
-                self.ways.push((1.0 + u * u + v * v).sqrt() as f32);
-                self.ground.push(distance.min(self.beyond) as f32);
+        let (view, source) = (self.view([width, height]), self.source);
+        let (camera, beyond) = (self.mounting.height, self.beyond);
+        let of = |place: [usize; 2]| match source {
+            Source::Simulator => view.way(place) as f32,
+            Source::Ground => {
+                let [_, down, _] = view.direction(place);
+                let distance = if down > 0.0 { camera / down } else { f64::INFINITY };
+                distance.min(beyond) as f32
             }
-        }
+        };
+        self.table.clear();
+        self.table.extend((0..width * height).map(|place| of([place % width, place / width])));
     }
 }
 
@@ -165,7 +187,7 @@ mod tests {
         let mut found = distances(&given);
         let key = Key([1; 32]);
         let cx = Context::new(2.0, 0, 0.0, &key);
-        assert!((found.focal(100) - 50.0).abs() < 1e-9);
+        assert!((found.view([100, 101]).focal - 50.0).abs() < 1e-9);
         let all = found.of(100, 101, &cx).unwrap();
         for (y, expected) in
             [(0, 50.0), (50, 50.0), (75, 2.0 / 0.5 * 1.25f64.sqrt()), (100, 2.0 * 2f64.sqrt())]
@@ -180,11 +202,11 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_down_sees_the_horizon_above_the_middle() {
-        let found = distances(&json!({"camera_pitch": 45, "field_of_view": 90}));
+        let view = distances(&json!({"camera_pitch": 45, "field_of_view": 90})).view([101, 101]);
         // The upper edge of a square frame looks straight ahead, the middle 45 degrees down.
-        let [right, down, ahead] = found.direction([50, 0], [101, 101]);
+        let [right, down, ahead] = view.direction([50, 0]);
         assert!(right.abs() < 1e-9 && down.abs() < 0.01 && ahead > 0.99);
-        let [_, down, ahead] = found.direction([50, 50], [101, 101]);
+        let [_, down, ahead] = view.direction([50, 50]);
         assert!((down - 0.5f64.sqrt()).abs() < 1e-9 && (ahead - down).abs() < 1e-9);
     }
 

@@ -135,7 +135,8 @@ impl NightByIlluminance {
         if is_new {
             self.size = [width, height];
             let places = (0..width * height).map(|place| [place % width, place / width]);
-            let direction = |place| self.distances.direction(place, [width, height]).map(|side| side as f32);
+            let view = self.distances.view(self.size);
+            let direction = |place| view.direction(place).map(|side| side as f32);
             self.directions = places.map(direction).collect();
         }
         let stay = self.distances.stay();

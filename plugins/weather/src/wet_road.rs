@@ -1,5 +1,7 @@
 //! Wet road: water darkens the ground and mirrors what is above the horizon, by the thickness of its film.
 
+use std::sync::LazyLock;
+
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
@@ -16,6 +18,16 @@ const KEPT_OUT: f64 = 0.02;
 const RIPPLES: [f64; 2] = [0.05, 0.012];
 /// What is higher than this above the road, in metres, or than this share of its distance, is not the road.
 const ABOVE: [f32; 2] = [0.12, 0.01];
+
+/// The light of ground under water, by the stored value of dry ground.
+static DARK: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    let light = Light::new();
+    std::array::from_fn(|value| {
+        let light = f64::from(light.of(value as u8));
+        (light * wet(light)) as f32
+    })
+});
+
 /// What a pixel of the ground mirrors.
 #[derive(Clone, Copy, Default)]
 struct Mirror {
@@ -104,30 +116,30 @@ impl Water {
             return;
         }
         self.size = [width, height];
-        let focal = distances.focal(width);
-        let camera = distances.mounting();
-        let pitch = camera.pitch.to_radians();
-        let (sine, cosine) = (libm::sin(pitch), libm::cos(pitch));
-        let middle = width / 2;
-        let rises = |y: &usize| distances.direction([middle, *y], [width, height])[1] <= 0.0;
+        let (view, camera) = (distances.view(self.size), distances.mounting().height);
+        let (focal, [sine, cosine]) = (view.focal, view.pitch);
+        let rises = |y: &usize| view.direction([width / 2, *y])[1] <= 0.0;
         self.sky = (0..height).take_while(rises).count();
         self.mirrors = (0..width * height)
             .map(|place| {
-                let [right, down, ahead] =
-                    distances.direction([place % width, place / width], [width, height]);
+                let [right, down, ahead] = view.direction([place % width, place / width]);
                 if down <= 0.0 {
                     return Mirror::default();
                 }
                 // The same way, but up, and turned back into the camera.
                 let (axis, below) = (ahead * cosine - down * sine, -ahead * sine - down * cosine);
-                let column = width as f64 / 2.0 + focal * right / axis;
+                let [column, row] = match axis > 0.0 {
+                    true => [view.middle[0] + focal * right / axis, view.middle[1] + focal * below / axis],
+                    // It leads over the camera, where the frame shows nothing: its own column has what is nearest at its top.
+                    false => [(place % width) as f64, f64::NEG_INFINITY],
+                };
                 Mirror {
                     // Of waves one sees more of the sides that face the camera.
                     reflects: RIPPLES.map(|slope| fresnel((down + slope).min(1.0)) as f32),
                     down: down as f32,
                     column: column.clamp(0.0, width as f64 - 1.0) as u32,
-                    row: (height as f64 / 2.0 + focal * below / axis) as f32,
-                    place: [right / down * camera.height, ahead / down * camera.height].map(|m| m as f32),
+                    row: row as f32,
+                    place: [right / down * camera, ahead / down * camera].map(|m| m as f32),
                 }
             })
             .collect();
@@ -169,18 +181,14 @@ impl Perturbation for WetRoad {
         water.puddles.draw(cx);
         water.sum_up(src);
         let camera = self.distances.mounting().height as f32;
-        let ripples = RIPPLES.map(|slope| (2.0 * slope * self.distances.focal(width)) as f32);
+        let focal = self.distances.view([width, height]).focal;
+        let ripples = RIPPLES.map(|slope| (2.0 * slope * focal) as f32);
         // On the plane of the ground nothing stands.
         let stands = !self.distances.stay();
         let distances = self.distances.of(width, height, cx)?;
         let [share, beside] = ["puddles", "beside"].map(|name| cx.number(name) as f32);
         let smooth = -libm::expm1(-cx.number("film") / cx.number("texture")) as f32;
-        let driven = patches::driven(cx);
-        // Ground under water, by the stored value of dry ground.
-        let dark: [f32; 256] = std::array::from_fn(|value| {
-            let light = f64::from(water.light.of(value as u8));
-            (light * wet(light)) as f32
-        });
+        let (driven, dark) = (patches::driven(cx), &*DARK);
         for (y, (to, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
             for (x, (to, from)) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)).enumerate() {
                 let (mirror, distance) = (water.mirrors[y * width + x], distances[y * width + x]);
@@ -285,6 +293,22 @@ mod tests {
             centre.fold((0.0, 0.0), |(sum, weight), (y, value)| (sum + y * value, weight + value));
         // Rows 20 to 23 lie 6 to 9 rows above the horizon, so their mirror lies there below it; light falls off downwards.
         assert!((sum / weight - 7.5).abs() < 1.5, "{} {column:?}", sum / weight);
+    }
+
+    #[test]
+    fn water_below_a_camera_that_looks_down_mirrors_the_upper_edge() {
+        // Of the sky only the first row is bright, and the road is black. The horizon is 17 rows below the upper edge.
+        let mut source = even(0, 80, 80);
+        source.as_mut().row_mut(0)[..120].fill(255);
+        let given = json!({"film": 100, "puddles": 0, "camera_pitch": 30, "field_of_view": 90});
+        let found = perturbed::<WetRoad>(&given, &source, None);
+        // The lowest row looks 75 degrees down, so that what it mirrors leads over the camera; water reflects 2 % and more of it.
+        let least = 255.0 * from_light(0.02) - 1.0;
+        for x in [5, 20, 35] {
+            let seen = f64::from(found.as_ref().pixel(x, 79)[0]);
+            assert!((least..1.5 * least).contains(&seen), "{x}: {seen} {least}");
+        }
+        assert!((45..80).all(|x| found.as_ref().pixel(x, 79) == [0; 3]));
     }
 
     #[test]
