@@ -112,7 +112,7 @@ impl Curtain {
         if self.extinction.0 != rate {
             self.extinction = (rate, kind.extinction(rate));
         }
-        let focal = self.distances.focal(width);
+        let focal = self.distances.view([width, height]).focal;
         let distances = self.distances.of(width, height, cx)?;
         let sky = self.light.of(cx.number("sky").round() as u8);
         distances::haze(&self.light, src, &mut dst, distances, self.extinction.1 as f32, [sky; 3]);
@@ -150,42 +150,83 @@ impl Curtain {
     }
 }
 
-/// Draws a streak of the sky's light in front of what is further away.
+/// Draws a streak of the sky's light in front of what is further away: each of its pixels once, by how much of it the streak covers.
 fn draw(light: &Light, dst: &mut FrameMut<'_>, distances: &[f32], streak: &Streak, sky: f32) {
-    let columns = dst.width();
-    let (width, height) = (columns as f64, dst.height() as f64);
-    let [right, down] = [streak.to[0] - streak.from[0], streak.to[1] - streak.from[1]];
-    let length = right.abs().max(down.abs());
-    let steps = length.ceil().clamp(1.0, 4.0 * height) as usize;
-    // One that is thinner than a pixel covers a part of it.
-    let half = (0.5 * streak.width).max(0.5);
-    let cover = (streak.share * (streak.width / (2.0 * half)).min(1.0)).min(1.0) as f32;
-    let is_steep = down.abs() >= right.abs();
-    let reach = half.ceil() as isize;
-    for step in 0..steps {
-        let part = (step as f64 + 0.5) / steps as f64;
-        let place = [streak.from[0] + part * right, streak.from[1] + part * down];
-        for offset in -reach..=reach {
-            let [x, y] = if is_steep {
-                [place[0] + offset as f64, place[1]]
-            } else {
-                [place[0], place[1] + offset as f64]
-            };
-            if !(x >= 0.0 && y >= 0.0 && x < width && y < height) {
+    let size = [dst.width(), dst.height()];
+    let way = [0, 1].map(|axis| streak.to[axis] - streak.from[axis]);
+    let middle = [0, 1].map(|axis| 0.5 * (streak.from[axis] + streak.to[axis]));
+    let (along, across) = if way[1].abs() >= way[0].abs() { (1, 0) } else { (0, 1) };
+    let slope = if way[along] == 0.0 { 0.0 } else { way[across] / way[along] };
+    // It is as long as it is wide at least. If it is thinner or shorter than a pixel, it covers a part of it.
+    let length = way[along].abs().max(streak.width);
+    let [half_length, half_width] = [length, streak.width].map(|size| 0.5 * size.max(1.0));
+    let part = length / (2.0 * half_length) * streak.width / (2.0 * half_width);
+    let cover = (streak.share * part).min(1.0) as f32;
+    // The pixels between two places on an axis that are in the frame.
+    let pixels =
+        |from: f64, to: f64, axis: usize| from.floor() as usize..(to.ceil() as usize).min(size[axis]);
+    let [begin, end] = [middle[along] - half_length, middle[along] + half_length];
+    for step in pixels(begin, end, along) {
+        let inside_along = end.min(step as f64 + 1.0) - begin.max(step as f64);
+        let place = middle[across] + (step as f64 + 0.5 - middle[along]) * slope;
+        let [first, last] = [place - half_width, place + half_width];
+        for side in pixels(first, last, across) {
+            let inside_across = last.min(side as f64 + 1.0) - first.max(side as f64);
+            let mut pixel = [0; 2];
+            (pixel[along], pixel[across]) = (step, side);
+            let [column, row] = pixel;
+            if distances[row * size[0] + column] < streak.distance as f32 {
                 continue;
             }
-            let (column, row) = (x as usize, y as usize);
-            // How much of the pixel the streak covers across.
-            let off = if is_steep { place[0] - column as f64 } else { place[1] - row as f64 } - 0.5;
-            let inside = (half + 0.5 - off.abs()).clamp(0.0, 1.0) as f32;
-            if inside <= 0.0 || distances[row * columns + column] < streak.distance as f32 {
-                continue;
-            }
-            let weight = cover * inside;
+            let weight = cover * (inside_along * inside_across) as f32;
             for value in &mut dst.row_mut(row)[3 * column..3 * column + 3] {
                 let before = light.of(*value);
                 *value = light.store(before + (sky - before) * weight);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_frames::even;
+
+    /// The light that a streak adds to a black frame in each pixel, as a share of that of the sky.
+    fn drawn(from: [f64; 2], to: [f64; 2], width: f64, share: f64) -> Vec<Vec<f64>> {
+        let (light, mut frame) = (Light::new(), even(0, 200, 20));
+        let streak = Streak { from, to, width, distance: 1.0, share };
+        draw(&light, &mut frame.as_mut(), &[2.0; 200 * 20], &streak, 1.0);
+        let lights = |row: &[u8]| row.chunks(3).map(|pixel| f64::from(light.of(pixel[0]))).collect();
+        frame.as_ref().rows().map(lights).collect()
+    }
+
+    #[test]
+    fn a_streak_covers_each_of_its_pixels_once_however_long_it_is() {
+        for (from, to) in
+            [([3.3, 10.2], [190.7, 10.8]), ([12.4, -300.0], [12.4, 300.0]), ([5.5, 2.0], [9.5, 9.7])]
+        {
+            let seen = drawn(from, to, 2.0, 0.25);
+            let is_steep = (to[1] - from[1]).abs() > (to[0] - from[0]).abs();
+            let lines: Vec<f64> = match is_steep {
+                true => seen.iter().map(|row| row.iter().sum()).collect(),
+                false => (0..200).map(|x| seen.iter().map(|row| row[x]).sum()).collect(),
+            };
+            let (first, last) = if is_steep { (from[1], to[1]) } else { (from[0], to[0]) };
+            for (line, sum) in lines.iter().enumerate() {
+                // Two pixels wide, a quarter of the light, and at the ends the part of the pixel that it reaches into.
+                let inside = (last.min(line as f64 + 1.0) - first.max(line as f64)).max(0.0);
+                assert!((sum - 0.5 * inside).abs() < 0.02, "{from:?} {line}: {sum}, {inside}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_smaller_than_a_pixel_adds_as_much_light_as_its_area() {
+        for place in [[20.5, 10.5], [20.9, 10.1], [33.0, 7.0]] {
+            let sum: f64 = drawn(place, [place[0], place[1] + 0.2], 0.5, 1.0).iter().flatten().sum();
+            assert!((sum - 0.25).abs() < 0.02, "{place:?}: {sum}");
+        }
+        assert!(drawn([-5.0, -5.0], [-4.0, -2.0], 1.0, 1.0).iter().flatten().all(|light| *light == 0.0));
     }
 }
