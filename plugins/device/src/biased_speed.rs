@@ -2,6 +2,8 @@
 
 use pdk_sdk::prelude::*;
 
+use crate::told_speed;
+
 /// Scales and shifts the speed.
 pub struct BiasedSpeed;
 
@@ -34,9 +36,7 @@ impl Component for BiasedSpeed {
 
 impl Perturbation for BiasedSpeed {
     fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        let speed = (1.0 + cx.number("share")) * told.speed + cx.number("offset");
-        // What is not known stays unknown.
-        Ok(DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..told })
+        Ok(told_speed(told, (1.0 + cx.number("share")) * told.speed + cx.number("offset")))
     }
 }
 

@@ -2,6 +2,8 @@
 
 use pdk_sdk::prelude::*;
 
+use crate::told_speed;
+
 /// Adds an error that grows evenly.
 pub struct DriftingSpeed;
 
@@ -32,9 +34,7 @@ impl Component for DriftingSpeed {
 
 impl Perturbation for DriftingSpeed {
     fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        let speed = told.speed + cx.number("drift") * cx.time;
-        // What is not known stays unknown.
-        Ok(DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..told })
+        Ok(told_speed(told, told.speed + cx.number("drift") * cx.time))
     }
 }
 

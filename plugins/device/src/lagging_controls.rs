@@ -33,9 +33,9 @@ impl Component for LaggingControls {
 }
 
 /// The mean position of an actuator over a frame that lasts `x` time constants, under a control, if it began the frame before with `before`
-/// as its control, and had that mean.
-fn follow(control: f64, before: Option<[f64; 2]>, x: f64) -> f64 {
-    // Without a lag, or at once: also where the constant is so small that the quotient is infinite.
+/// as its control, and had that mean. That control stayed for as many time constants as `missed` longer than a frame.
+fn follow(control: f64, before: Option<[f64; 2]>, x: f64, missed: f64) -> f64 {
+    // At once: the constant is so small that the quotient is infinite.
     if !x.is_finite() {
         return control;
     }
@@ -43,17 +43,25 @@ fn follow(control: f64, before: Option<[f64; 2]>, x: f64) -> f64 {
         return before.map_or(0.0, |[_, mean]| mean);
     }
     // From the mean over the frame before to the position at its end: both are distances from its control that shrink.
-    let begin = before.map_or(0.0, |[control, mean]| control + (mean - control) * (x / libm::expm1(x)));
+    let left = x / libm::expm1(x) * libm::exp(-missed);
+    let begin = before.map_or(0.0, |[control, mean]| control + (mean - control) * left);
     control + (begin - control) * (-libm::expm1(-x) / x)
 }
 
 impl Perturbation for LaggingControls {
     fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
         let before = cx.signals.back(1);
-        let period = cx.period.or_else(|| before.map(|before| cx.time - before.time)).unwrap_or_default();
+        let elapsed = before.map(|before| cx.time - before.time);
+        let period = cx.period.or(elapsed).unwrap_or_default();
+        // Frames that the driver missed because it was late.
+        let has_missed = before.is_some_and(|before| before.frame_index + 1 < cx.frame_index);
+        let missed = elapsed.filter(|_| has_missed).map_or(0.0, |elapsed| (elapsed - period).max(0.0));
         let of = |place: usize, control: f64, constant: f64| {
             let before = before.map(|before| [before.given[place], before.passed[place]]);
-            follow(control, before, if constant > 0.0 { period / constant } else { f64::INFINITY })
+            match constant > 0.0 {
+                true => follow(control, before, period / constant, missed / constant),
+                false => control,
+            }
         };
         Ok(Control {
             steering: of(0, control.steering, cx.number("steering")),
@@ -68,7 +76,7 @@ mod tests {
     use pdk_sdk::serde_json::json;
 
     use super::LaggingControls;
-    use crate::test_drive::applied;
+    use crate::test_drive::{applied, applied_at};
 
     /// The mean from frame to frame of what the differential equation says for a step at the beginning and one back.
     #[test]
@@ -102,6 +110,23 @@ mod tests {
                 // Without a constant there is no lag.
                 assert_eq!(found.throttle, 0.5);
             }
+        }
+    }
+
+    #[test]
+    fn over_frames_that_the_driver_misses_the_actuator_goes_on_to_the_control_before() {
+        let control = |index: u64| Control { steering: if index < 40 { 0.75 } else { -0.25 }, throttle: 0.5 };
+        let driven = |frames: &[u64]| {
+            let controls: Vec<(u64, Control)> =
+                frames.iter().map(|index| (*index, control(*index))).collect();
+            applied_at::<LaggingControls>(&json!({"steering": 0.3}), 0.0, &controls)
+        };
+        let all = driven(&(0..60).collect::<Vec<_>>());
+        // The control before stays, so that nothing but the number of frames differs.
+        let some = [0, 1, 5, 6, 20, 40, 41, 59];
+        for (index, found) in some.iter().zip(driven(&some)) {
+            let expected = all[*index as usize];
+            assert!((found.steering - expected.steering).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
         }
     }
 

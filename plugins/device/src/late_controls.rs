@@ -35,7 +35,7 @@ impl Component for LateControls {
             "constant: always `delay`; jitter: `delay`, and as much again as is drawn for each control; profile: latencies of a file in their order",
         ))
         .parameter(
-            Parameter::by_level("delay", [0.05, 0.1, 0.2, 0.35, 0.5], "how late a control is; without effect with a profile")
+            Parameter::by_level("delay", [0.05, 0.1, 0.2, 0.35, 0.5], "how late a control is, at most 240 frames; without effect with a profile")
                 .range(0.0, 4.0)
                 .unit("s"),
         )
@@ -66,15 +66,14 @@ impl Component for LateControls {
 }
 
 impl LateControls {
-    /// How late the control of a frame is, in seconds.
-    fn latency(&self, frame_index: u64, cx: &Context<'_>) -> f64 {
+    /// How late the control of a frame is, in seconds, in a drive that begins at this place of the profile.
+    fn latency(&self, frame_index: u64, begin: u64, cx: &Context<'_>) -> f64 {
         match cx.integer("latency") {
             0 => cx.number("delay"),
             1 => cx.number("delay") - cx.number("jitter") * libm::log1p(-cx.random_of(frame_index).unit()),
             _ => {
-                let length = self.profile.len() as u64;
-                let begin = u64::from(cx.sequence_random().below(length as u32));
-                self.profile[((begin + frame_index) % length) as usize] * cx.number("factor")
+                let place = (begin + frame_index) % self.profile.len() as u64;
+                self.profile[place as usize] * cx.number("factor")
             }
         }
     }
@@ -82,9 +81,13 @@ impl LateControls {
 
 impl Perturbation for LateControls {
     fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
+        let begin = match self.profile.len() {
+            0 => 0,
+            length => u64::from(cx.sequence_random().below(length as u32)),
+        };
         // From which share of the frame on a control has arrived.
         let arrived = |time: f64, frame_index: u64| {
-            let late = time + self.latency(frame_index, cx) - cx.time;
+            let late = time + self.latency(frame_index, begin, cx) - cx.time;
             let share = match cx.period {
                 Some(period) => late / period,
                 None if late <= ROUNDING => 0.0,
@@ -111,7 +114,11 @@ impl Perturbation for LateControls {
                 break;
             }
         }
-        // Before the first control came, nothing was applied.
+        // What was in effect before is not known any more. Before the first control came, nothing was applied.
+        let oldest = cx.signals.back(FRAMES as usize).filter(|_| until > 0.0);
+        if let Some(oldest) = oldest {
+            applied = [applied[0] + until * oldest.given[0], applied[1] + until * oldest.given[1]];
+        }
         Ok(Control::from_numbers(applied))
     }
 }
@@ -207,6 +214,21 @@ mod tests {
         let missing = json!({"latency": "profile", "profile": "/nowhere"});
         let config = Config::check(&LateControls::description(), missing.as_object().unwrap()).unwrap();
         assert!(LateControls::new(&config).is_err());
+    }
+
+    #[test]
+    fn a_control_is_late_by_as_many_frames_as_are_kept_at_most() {
+        // 300 frames.
+        let path = std::env::temp_dir().join(format!("pdk-later-controls-{}", std::process::id()));
+        std::fs::write(&path, "15000\n").unwrap();
+        let given = json!({"latency": "profile", "profile": path.to_str().unwrap(), "factor": 1.0});
+        let controls: Vec<f64> = (0..400).map(|index| f64::from(index + 1) / 400.0).collect();
+        let found = steering(&given, &controls);
+        std::fs::remove_file(&path).unwrap();
+        for (index, found) in found.iter().enumerate() {
+            let expected = index.checked_sub(FRAMES as usize).map_or(0.0, |oldest| controls[oldest]);
+            assert_eq!(*found, expected, "frame {index}");
+        }
     }
 
     #[test]

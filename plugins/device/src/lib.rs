@@ -53,3 +53,8 @@ fn fault(name: &str, doc: &str, acts_on: ActsOn) -> Description {
         .keeps_geometry()
         .acts_on(acts_on)
 }
+
+/// What the driver gets with another speed. One below 0 is 0, and one that is not known stays unknown.
+fn told_speed(told: DriveContext, speed: f64) -> DriveContext {
+    DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..told }
+}

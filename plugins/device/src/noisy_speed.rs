@@ -2,6 +2,8 @@
 
 use pdk_sdk::prelude::*;
 
+use crate::told_speed;
+
 /// Adds normal noise to the speed.
 pub struct NoisySpeed;
 
@@ -25,9 +27,7 @@ impl Component for NoisySpeed {
 
 impl Perturbation for NoisySpeed {
     fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        let speed = told.speed + cx.number("sigma") * cx.frame_random().normal();
-        // What is not known stays unknown.
-        Ok(DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..told })
+        Ok(told_speed(told, told.speed + cx.number("sigma") * cx.frame_random().normal()))
     }
 }
 

@@ -16,8 +16,7 @@ const LONGEST: f64 = 60_000.0;
 /// # Errors
 /// If the file cannot be read, or a line is not a latency.
 pub fn read(path: &Path) -> Result<Vec<f64>> {
-    let bytes = file::read(path, LARGEST).place(path.display())?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = file::read_text(path, LARGEST).place(path.display())?;
     let lines = text.lines().enumerate().map(|(number, line)| (number + 1, line.trim()));
     let latencies: Vec<f64> = lines
         .filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
@@ -45,7 +44,7 @@ pub fn read(path: &Path) -> Result<Vec<f64>> {
 mod tests {
     use super::*;
 
-    fn of(name: &str, text: &str) -> Result<Vec<f64>> {
+    fn of(name: &str, text: impl AsRef<[u8]>) -> Result<Vec<f64>> {
         let path = std::env::temp_dir().join(format!("pdk-profile-{name}-{}", std::process::id()));
         std::fs::write(&path, text).unwrap();
         let read = read(&path);
@@ -65,5 +64,7 @@ mod tests {
             let error = of(name, text).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
+        let error = of("binary", b"50\n\xff").unwrap_err().to_string();
+        assert!(error.contains("it is not text"), "{error}");
     }
 }

@@ -7,21 +7,26 @@ use pdk_sdk::signals::{Numbers, Passed};
 use pdk_sdk::testing::Trial;
 
 /// The time of a frame at which whole numbers of frames are exact enough.
-fn time(index: usize) -> f64 {
+fn time(index: u64) -> f64 {
     index as f64 / 20.0
 }
 
-fn passed<P: Component + Perturbation>(given: &Value, level: f64, signals: &[Numbers]) -> Vec<Numbers> {
+/// What becomes of signals at frames with these numbers.
+fn passed<P: Component + Perturbation>(
+    given: &Value,
+    level: f64,
+    signals: impl IntoIterator<Item = (u64, Numbers)>,
+) -> Vec<Numbers> {
     let mut trial = Trial::<P>::new(given, level, Key([6; 32])).unwrap();
     let (acts_on, mut kept) = (P::description().acts_on, Passed::of(trial.history));
     let mut found = Vec::new();
-    for (index, given) in signals.iter().enumerate() {
-        let (frame_index, time) = (index as u64, time(index));
+    for (frame_index, given) in signals {
+        let time = time(frame_index);
         let (instance, mut cx) = trial.at(frame_index, time);
         cx.period = Some(0.05);
         let cx = cx.with_signals(kept.before(frame_index));
-        let passed = pass(instance, acts_on, *given, &cx).unwrap();
-        kept.keep(Signal { frame_index, time, given: *given, passed });
+        let passed = pass(instance, acts_on, given, &cx).unwrap();
+        kept.keep(Signal { frame_index, time, given, passed });
         found.push(passed);
     }
     found
@@ -29,20 +34,28 @@ fn passed<P: Component + Perturbation>(given: &Value, level: f64, signals: &[Num
 
 /// What becomes of controls, one after the other.
 pub fn applied<P: Component + Perturbation>(given: &Value, level: f64, controls: &[Control]) -> Vec<Control> {
-    let signals: Vec<Numbers> = controls.iter().map(Control::numbers).collect();
-    passed::<P>(given, level, &signals).into_iter().map(Control::from_numbers).collect()
+    let controls: Vec<(u64, Control)> = (0..).zip(controls.iter().copied()).collect();
+    applied_at::<P>(given, level, &controls)
+}
+
+/// What becomes of controls at frames with these numbers; the driver missed those between.
+pub fn applied_at<P: Component + Perturbation>(
+    given: &Value,
+    level: f64,
+    controls: &[(u64, Control)],
+) -> Vec<Control> {
+    let signals = controls.iter().map(|(index, control)| (*index, control.numbers()));
+    passed::<P>(given, level, signals).into_iter().map(Control::from_numbers).collect()
 }
 
 /// The times and the speeds that a driver gets if these are the true speeds.
 pub fn told<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<Numbers> {
-    let signals: Vec<Numbers> =
-        speeds.iter().enumerate().map(|(index, speed)| [time(index), *speed]).collect();
-    passed::<P>(given, level, &signals)
+    passed::<P>(given, level, (0..).zip(speeds).map(|(index, speed)| (index, [time(index), *speed])))
 }
 
 /// The speeds that a driver gets if these are the true ones. The time stays.
 pub fn speeds<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<f64> {
     let told = told::<P>(given, level, speeds);
-    assert!(told.iter().enumerate().all(|(index, [told, _])| *told == time(index)));
+    assert!((0..).zip(&told).all(|(index, [told, _])| *told == time(index)));
     told.into_iter().map(|[_, speed]| speed).collect()
 }
