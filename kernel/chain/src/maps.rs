@@ -8,6 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
 
 use crate::moment::Moment;
+use pdk_components::held::Held;
 use pdk_components::registry::Registry;
 use pdk_ops::motion::{self, Motion};
 use pdk_supervise::calls::{self, Function};
@@ -83,11 +84,8 @@ fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
 
 /// The maps of a sequence by a method.
 pub struct Maps {
-    method: Box<dyn Saliency>,
-    by: ComponentSpec,
+    method: Held<dyn Saliency>,
     description: Description,
-    /// What messages call the method.
-    label: String,
     key: Key,
     /// Whether the maps have a single line of cells, once that is known.
     line: Option<Option<Line>>,
@@ -106,27 +104,16 @@ impl Maps {
     pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
         let description = registry.catalog().get(Kind::Saliency, &by.name)?.description.clone();
-        Ok(Self::from_method(method, by.clone(), description, key))
+        Ok(Self::from_method(Held::new(Kind::Saliency, by.clone(), method), description, key))
     }
 
-    fn from_method(method: Box<dyn Saliency>, by: ComponentSpec, description: Description, key: Key) -> Self {
-        let label = format!("saliency `{}`", by.name);
-        Self {
-            method,
-            by,
-            description,
-            label,
-            key,
-            line: None,
-            cells: Vec::new(),
-            made: Vec::new(),
-            now: Vec::new(),
-        }
+    fn from_method(method: Held<dyn Saliency>, description: Description, key: Key) -> Self {
+        Self { method, description, key, line: None, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
     }
 
     /// What a user should know about the maps that were made.
     pub fn noticed(&self) -> Option<String> {
-        self.line.flatten().map(|line| line.noticed(&self.by, &self.description))
+        self.line.flatten().map(|line| line.noticed(self.method.component(), &self.description))
     }
 
     /// Draws from another key.
@@ -140,8 +127,11 @@ impl Maps {
     /// If the method fails.
     pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<&[f32]> {
         if turn.new {
-            let cx = context(moment, &self.key);
-            map_into(&mut *self.method, &self.label, raw, &cx, &mut self.cells, &mut self.made)?;
+            let Self { method, key, cells, made, .. } = &mut *self;
+            let cx = context(moment, key);
+            let size = method
+                .call(Function::Map, Some(cx.frame_index), |method| map_cells(method, raw, &cx, cells))?;
+            fit(cells, size, raw, made);
             // One that is the same everywhere says nothing about the others.
             if self.line.is_none() && self.made.iter().any(|value| *value != self.made[0]) {
                 self.line = Some(Line::of(&self.made, raw.width()));
@@ -314,41 +304,39 @@ pub fn map(
     cx: &MapContext<'_>,
 ) -> Result<Vec<f32>> {
     let (mut cells, mut into) = (Vec::new(), Vec::new());
-    map_into(method, label, frame, cx, &mut cells, &mut into)?;
+    let work = || map_cells(method, frame, cx, &mut cells);
+    let size = calls::call_at(label, Function::Map, cx.frame_index, work).map_err(|error| error.at(label))?;
+    fit(&mut cells, size, frame, &mut into);
     Ok(into)
 }
 
-/// As [`map`], with memory for the map by cells and for that of each pixel.
-fn map_into(
+/// The map of a frame by cells, and how many it has in a row and rows.
+fn map_cells(
     method: &mut dyn Saliency,
-    label: &str,
     frame: Frame<'_>,
     cx: &MapContext<'_>,
     cells: &mut Vec<f32>,
-    into: &mut Vec<f32>,
-) -> Result<()> {
-    let size = [frame.width(), frame.height()];
-    let work = || {
-        let [width, height] = method.map_size(size[0], size[1])?;
-        cells.clear();
-        cells.resize(width * height, 0.0);
-        method.map(frame, cx, HeatmapMut::new(cells, width, height)?)?;
-        match cells.iter().all(|value| value.is_finite()) {
-            true => Ok([width, height]),
-            false => {
-                let sentence =
-                    format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
-                Err(Error::new(sentence))
-            }
+) -> Result<[usize; 2]> {
+    let [width, height] = method.map_size(frame.width(), frame.height())?;
+    cells.clear();
+    cells.resize(width * height, 0.0);
+    method.map(frame, cx, HeatmapMut::new(cells, width, height)?)?;
+    match cells.iter().all(|value| value.is_finite()) {
+        true => Ok([width, height]),
+        false => {
+            let sentence = format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
+            Err(Error::new(sentence))
         }
-    };
-    let made =
-        calls::call_at(label, Function::Map, cx.frame_index, work).map_err(|error: Error| error.at(label))?;
-    match made == size {
-        true => std::mem::swap(cells, into),
-        false => stretch(cells, made, size, into),
     }
-    Ok(())
+}
+
+/// Brings a map by cells to the size of its frame.
+fn fit(cells: &mut Vec<f32>, size: [usize; 2], frame: Frame<'_>, into: &mut Vec<f32>) {
+    let wanted = [frame.width(), frame.height()];
+    match size == wanted {
+        true => std::mem::swap(cells, into),
+        false => stretch(cells, size, wanted, into),
+    }
 }
 
 /// A map in another size, each part as large as all others.
@@ -425,8 +413,11 @@ mod tests {
         let attended = || Attended {
             turns: Turns::new(pace(1, None)),
             maps: Maps::from_method(
-                Box::new(Bright),
-                ComponentSpec::parse("saliency method", "bright").unwrap(),
+                Held::new(
+                    Kind::Saliency,
+                    ComponentSpec::parse("saliency method", "bright").unwrap(),
+                    Box::new(Bright),
+                ),
                 Description::saliency("x", "x"),
                 Key([1; 32]),
             ),

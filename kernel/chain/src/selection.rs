@@ -1,14 +1,16 @@
 //! Which pixels of a frame are chosen: by saliency maps, by a simulator's labels, by masks or at random.
 
 use pdk_model::selection::{Choice, Selection};
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
 use crate::maps::{Maps, Turns, context};
 use crate::moment::{Labels, Moment};
+use pdk_components::held::Held;
 use pdk_components::registry::Registry;
 use pdk_ops::edges::{Edges, Treatment};
-use pdk_supervise::calls::{self, Function};
+use pdk_supervise::calls::Function;
 
 /// What the choice goes by.
 enum Source {
@@ -20,8 +22,8 @@ enum Source {
     Labels,
     /// The distances that come with a frame.
     Depth,
-    /// A mask, with what messages call it.
-    Mask(Box<dyn Mask>, String),
+    /// A mask.
+    Mask(Held<dyn Mask>),
 }
 
 /// Chooses pixels frame by frame.
@@ -59,7 +61,7 @@ impl Selector {
             (Some(by), _) => Source::Maps(Box::new(Maps::new(registry, by, key)?)),
             (None, Some(mask)) => {
                 let (instance, _) = registry.mask(&mask.name, &mask.parameters)?;
-                Source::Mask(instance, format!("mask `{}`", mask.name))
+                Source::Mask(Held::new(Kind::Mask, mask.clone(), instance))
             }
             (None, None) if selection.random.is_some() => Source::Chance,
             (None, None) if matches!(selection.choice(), Choice::Between(..)) => Source::Depth,
@@ -109,15 +111,14 @@ impl Selector {
                 // What labels and masks say of the frame at hand is never moved: there is no need to.
                 Source::Labels => labelled(&selection.label, moment.labels, pixels, weights)?,
                 Source::Depth => between(selection.choice(), moment.depth, pixels, weights)?,
-                Source::Mask(mask, label) => {
+                Source::Mask(mask) => {
                     let values = &mut scratch.values;
                     values.clear();
                     values.resize(pixels, 0.0);
                     let cx = context(moment, key);
-                    calls::call_at(label, Function::Weights, moment.frame_index, || {
+                    mask.call(Function::Weights, Some(moment.frame_index), |mask| {
                         mask.weights(raw, &cx, HeatmapMut::new(values, width, height)?)
-                    })
-                    .map_err(|error: Error| error.at(&*label))?;
+                    })?;
                     // What is not a number becomes 0.
                     weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
                 }
@@ -233,6 +234,7 @@ fn choose(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_model::component::ComponentSpec;
     use pdk_sdk::prelude::FrameBuf;
     use serde_json::{Value, json};
 
@@ -362,7 +364,8 @@ mod tests {
     #[test]
     fn a_mask_says_how_much_of_each_pixel_is_changed() {
         let selection = selection(json!({"mask": "left"}));
-        let source = Source::Mask(Box::new(Left), "mask `left`".to_owned());
+        let left = ComponentSpec::parse("mask", "left").unwrap();
+        let source = Source::Mask(Held::new(Kind::Mask, left, Box::new(Left)));
         let mut selector = Selector::from_source(selection, source, Key([5; 32]));
         let frame = FrameBuf::new(4, 1);
         assert_eq!(selector.weights(frame.as_ref(), &Moment::new(0, 0.0)).unwrap(), [128, 128, 0, 0]);
