@@ -41,7 +41,7 @@ impl Chain {
         let chain = Self::make(registry, perturbations, seed)?;
         let Some(link) = chain.devices.first() else { return Ok(chain) };
         let sentence =
-            format!("it changes {}, which there is in drives alone; leave it out", link.acts_on().text());
+            format!("it changes {}, which exists only in drives; leave it out", link.acts_on().text());
         Err(Error::of(ErrorKind::Configuration, sentence).at(link.label()))
     }
 

@@ -11,12 +11,12 @@ pub struct Moment<'a> {
     pub speed: Option<f64>,
     /// How far the vehicle has driven since the start of the sequence, in metres, if it is known.
     pub travelled: Option<f64>,
-    /// How long a frame lasts at the camera's rate, in seconds, where it is known.
+    /// How long a frame lasts at the camera's rate, in seconds, if it is known.
     pub period: Option<f64>,
     /// Whether the frame counts for itself, as those of datasets do, which are looked at in any order: then nothing of other
     /// frames has an influence on what becomes of it.
     pub alone: bool,
-    /// What its pixels show, where the simulator says so.
+    /// What its pixels show, if the simulator reports it.
     pub labels: Option<Labels<'a>>,
     /// How far away each pixel is in metres, row by row, if the simulator knows it and a component needs it.
     pub depth: Option<&'a [f32]>,

@@ -91,7 +91,7 @@ sized! {
         pub history_width: usize,
         /// Rows of each.
         pub history_height: usize,
-        /// How long a frame lasts at the camera's rate, in seconds; 0 where it is not known.
+        /// How long a frame lasts at the camera's rate, in seconds; 0 if it is not known.
         pub period: f64,
         /// The numbers of the frames before this one at which signals passed, the oldest first; null if there are none.
         pub signal_indices: *const u64,
@@ -103,7 +103,7 @@ sized! {
         pub signals_given: *const f64,
         /// What it made of them.
         pub signals_passed: *const f64,
-        /// How far away each pixel is along the optical axis in metres, row by row; null where that is not known or not asked for.
+        /// How far away each pixel is along the optical axis in metres, row by row; null if that is not known or not asked for.
         pub depth: *const f32,
         /// The number of its values.
         pub depth_length: usize,

@@ -85,7 +85,7 @@ pub(crate) fn find_image(
 struct Input<'a> {
     port: &'a Port,
     described: &'a Described,
-    /// The lengths of its axes, where they are fixed.
+    /// The lengths of its axes, if they are fixed.
     dims: Vec<Option<usize>>,
     /// The same as text.
     shape: String,

@@ -108,7 +108,7 @@ fn what_is_not_in_pictures_is_refused_where_there_are_only_pictures() {
     let picture = folder.path().join("in.png");
     pdk_tests::pictures::write(&picture, 60, 40);
     let out = folder.path().join("out.png");
-    let sentence = "perturbation `late_controls@2`: it changes the control on its way to the vehicle, which there is in drives alone; leave it out";
+    let sentence = "perturbation `late_controls@2`: it changes the control on its way to the vehicle, which exists only in drives; leave it out";
     Pdk::new(["perturb"])
         .arg(&picture)
         .args(["--with", "late_controls@2", "-o"])

@@ -126,9 +126,9 @@ pub struct Context<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
-    /// How far the vehicle has driven since the start of the sequence, in metres; where it is known.
+    /// How far the vehicle has driven since the start of the sequence, in metres, if it is known.
     pub travelled: Option<f64>,
-    /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; where there is a saliency map.
+    /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame, if there is a saliency map.
     pub saliency: Option<&'a [f32]>,
     /// The saliency maps of the sequence so far, this frame's among them; none if there are none.
     pub earlier: EarlierMaps<'a>,
@@ -136,10 +136,10 @@ pub struct Context<'a> {
     pub history: History<'a>,
     /// What passed at the frames before this one, for a perturbation that acts on observations or controls.
     pub signals: Signals<'a>,
-    /// How long a frame lasts at the camera's rate, in seconds; where it is known, as in drives.
+    /// How long a frame lasts at the camera's rate, in seconds, if it is known, as in drives.
     pub period: Option<f64>,
-    /// How far away each pixel is along the optical axis in metres, row by row; infinite for the sky. Where the description
-    /// [asks for it](crate::describe::Description::depth_with) and it is known.
+    /// How far away each pixel is along the optical axis in metres, row by row; infinite for the sky. None if the description
+    /// does not [ask for it](crate::describe::Description::depth_with), or if it is not known.
     pub depth: Option<&'a [f32]>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.

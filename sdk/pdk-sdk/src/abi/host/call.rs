@@ -29,10 +29,10 @@ pub(super) fn make_instance<F: StableAbi<IsNonZeroType = True>>(
     Ok((made.object, functions))
 }
 
-/// Makes a call; where it fails, the plugin leaves its sentence in the sink.
+/// Makes a call; if it fails, the plugin leaves its sentence in the sink.
 #[inline]
 pub(crate) fn call(work: impl FnOnce(*const Sink) -> Status) -> Result<()> {
-    // Takes memory only where there is an error.
+    // Takes memory only if there is an error.
     let mut sentence = Vec::new();
     let sink = convert::sink(&mut sentence);
     match work(&sink) {
@@ -50,7 +50,7 @@ pub(crate) fn collect(work: impl FnOnce(*const Sink, *const Sink) -> Status) -> 
         .map_err(|_| Error::of(ErrorKind::Nonsense, "it answered with a text that is not UTF-8"))
 }
 
-/// A function that was added after the first version, where there is no way without it.
+/// A function that was added after the first version, if there is no way without it.
 pub(crate) fn needed<F>(function: Option<F>, name: &str) -> Result<F> {
     function.ok_or_else(|| {
         let sentence =
