@@ -396,7 +396,7 @@ impl ScriptContext {
             .chain(description.parameters.iter().map(|parameter| parameter.name.clone()))
             .collect();
         let table = lua.create_table()?;
-        table.set_metatable(Some(strict(lua, names)?))?;
+        table.set_metatable(Some(unknown::closed(lua, "cx", "field", names, kept_in_context)?))?;
         Ok(Self {
             parameters: parameters.collect::<mlua::Result<_>>()?,
             intensity: lua.create_string("intensity")?,
@@ -432,20 +432,12 @@ impl ScriptContext {
     }
 }
 
-/// A metatable that refuses names which are not there: a misspelt parameter, or something left for the next frame.
-fn strict(lua: &Lua, names: Vec<String>) -> mlua::Result<Table> {
-    let metatable = unknown::strict(lua, "cx", "field", names)?;
-    metatable.raw_set(
-        "__newindex",
-        lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
-            Err(mlua::Error::runtime(format!(
-                "cx has no field {} and gets none, because a frame must not depend on those before it; use a local variable",
-                unknown::shown(&name)
-            )))
-        })?,
-    )?;
-    metatable.set_readonly(true);
-    Ok(metatable)
+/// The error of something that is left in `cx` for the next frame, or of a misspelt parameter.
+fn kept_in_context(owner: &str, sort: &str, name: &Value, _: &[String]) -> mlua::Error {
+    mlua::Error::runtime(format!(
+        "{owner} has no {sort} {} and gets none, because a frame must not depend on those before it; use a local variable",
+        unknown::shown(name)
+    ))
 }
 
 #[cfg(test)]

@@ -23,16 +23,8 @@ impl ScriptSignal {
             ActsOn::Observation | ActsOn::Frame => ("what the driver gets", DriveContext::NUMBERS),
         };
         let table = lua.create_table()?;
-        let known = || names.map(str::to_owned).to_vec();
-        let metatable = unknown::strict(lua, owner, "field", known())?;
-        let refused = known();
-        metatable.raw_set(
-            "__newindex",
-            lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
-                Err(unknown::unknown(owner, "field", &name, &refused))
-            })?,
-        )?;
-        metatable.set_readonly(true);
+        let known = names.map(str::to_owned).to_vec();
+        let metatable = unknown::closed(lua, owner, "field", known, unknown::unknown)?;
         table.set_metatable(Some(metatable))?;
         let [first, second] = names;
         Ok(Self { table, names: [lua.create_string(first)?, lua.create_string(second)?] })

@@ -47,6 +47,23 @@ pub fn strict(lua: &Lua, owner: &'static str, sort: &'static str, known: Vec<Str
     Ok(metatable)
 }
 
+/// As [`strict`], for tables that a script is handed: `refused` is the error of a name that it wants to add, given what [`unknown`] is given.
+pub(crate) fn closed(
+    lua: &Lua,
+    owner: &'static str,
+    sort: &'static str,
+    known: Vec<String>,
+    refused: fn(&str, &str, &Value, &[String]) -> mlua::Error,
+) -> mlua::Result<Table> {
+    let metatable = strict(lua, owner, sort, known.clone())?;
+    let add = lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
+        Err(refused(owner, sort, &name, &known))
+    })?;
+    metatable.raw_set("__newindex", add)?;
+    metatable.set_readonly(true);
+    Ok(metatable)
+}
+
 /// Refuses what a class does not have.
 pub fn refuse_unknown<T: 'static>(
     registry: &mut UserDataRegistry<T>,
