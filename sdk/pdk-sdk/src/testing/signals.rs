@@ -12,6 +12,8 @@ use crate::signals::{Numbers, Passed, Signal};
 /// Frames of the drive, at 20 a second.
 const FRAMES: u64 = 80;
 const PERIOD: f64 = 0.05;
+/// From one frame to the next if they do not come in their order.
+const STRIDE: u64 = 37;
 
 /// Checks that what a perturbation makes of a signal can be used, and follows from the signals that it asks for alone.
 pub(crate) fn check(
@@ -21,38 +23,45 @@ pub(crate) fn check(
 ) -> Result<()> {
     let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
     let (mut values, key) = (Vec::new(), Key([9; 32]));
-    let mut veteran = make(config)?;
+    // One sees the frames in their order, the other in another.
+    let (mut first, mut second) = (make(config)?, make(config)?);
     for level in 0..=2 * (LEVELS - 1) {
         let intensity = level as f64 / 2.0;
         frame_values(description, config, intensity, &mut values);
         let mut kept = Passed::of(description.history as usize);
         let mut all: Vec<Signal> = Vec::new();
+        let place = |frame_index: u64| format!("at frame {frame_index} and level {intensity}");
+        let made = |instance: &mut dyn Perturbation, kept: &mut Passed, frame_index: u64| -> Result<Signal> {
+            let (time, given) = (frame_index as f64 * PERIOD, sample(description.acts_on, frame_index));
+            let mut cx = Context::new(intensity, frame_index, time, &key)
+                .with_values(&names, &values)
+                .with_signals(kept.before(frame_index));
+            cx.period = Some(PERIOD);
+            let passed = pass(instance, description.acts_on, given, &cx)
+                .map_err(|error| error.at(place(frame_index)))?;
+            Ok(Signal { frame_index, time, given, passed })
+        };
         for frame_index in 0..FRAMES {
-            let place = format!("at frame {frame_index} and level {intensity}");
-            let time = frame_index as f64 * PERIOD;
-            let given = sample(description.acts_on, frame_index);
-            let made = |instance: &mut dyn Perturbation, kept: &mut Passed| {
-                let mut cx = Context::new(intensity, frame_index, time, &key)
-                    .with_values(&names, &values)
-                    .with_signals(kept.before(frame_index));
-                cx.period = Some(PERIOD);
-                pass(instance, description.acts_on, given, &cx).map_err(|e| e.at(&place))
-            };
-            let passed = made(&mut *veteran, &mut kept)?;
-            let mut alone = Passed::of(description.history as usize);
-            let earliest = all.len().saturating_sub(description.history as usize);
-            all[earliest..].iter().for_each(|signal| alone.keep(*signal));
-            let again = made(&mut *make(config)?, &mut alone)?;
+            let signal = made(&mut *first, &mut kept, frame_index)?;
+            kept.keep(signal);
+            all.push(signal);
+        }
+        // The stride has no divisor in common with the number of frames, so it leads to all of them.
+        for frame_index in (0..FRAMES).map(|number| (number * STRIDE + 1) % FRAMES) {
+            let before = &all[..frame_index as usize];
+            let mut asked_for = Passed::of(description.history as usize);
+            let earliest = before.len().saturating_sub(description.history as usize);
+            before[earliest..].iter().for_each(|signal| asked_for.keep(*signal));
+            let again = made(&mut *second, &mut asked_for, frame_index)?.passed;
+            let passed = all[frame_index as usize].passed;
             ensure(passed.map(f64::to_bits) == again.map(f64::to_bits), || {
                 format!(
-                    "{place} it passes on something else alone than after others; the result may depend on the signal, the parameters, \
+                    "{} it passes on something else than it does after other frames; the result may depend on the signal, the parameters, \
                      the key and the {} signals before it that the description asks for",
+                    place(frame_index),
                     description.history
                 )
             })?;
-            let signal = Signal { frame_index, time, given, passed };
-            kept.keep(signal);
-            all.push(signal);
         }
     }
     Ok(())
@@ -112,7 +121,7 @@ mod tests {
         // What is not there is 0, as often as it is looked for.
         assert_eq!(check("looks further back", ActsOn::Control), Ok(()));
         let error = check("remembers", ActsOn::Control).unwrap_err();
-        assert!(error.starts_with("at frame 1 and level 0 it passes on something else alone"), "{error}");
+        assert!(error.starts_with("at frame 1 and level 0 it passes on something else"), "{error}");
         let error = check("is not a number", ActsOn::Control).unwrap_err();
         assert!(error.contains("both have to be finite numbers"), "{error}");
         let error = check("has no time", ActsOn::Observation).unwrap_err();
