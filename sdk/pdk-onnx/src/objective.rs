@@ -340,7 +340,7 @@ impl fmt::Display for Objective {
 mod tests {
     use super::*;
     use crate::tensor::Tensor;
-    use crate::testing::{OPSETS, Sketch, numbers, relative_error};
+    use crate::testing::{OPSETS, Sketch, differences, numbers, relative_error};
 
     fn graph(opset: i64) -> Graph {
         let mut sketch = Sketch::new(opset);
@@ -379,17 +379,11 @@ mod tests {
         };
         for (place, value) in [&x, &w].into_iter().enumerate() {
             let exact = computed(&x, &w, &built.outputs[1 + place]);
-            let differences: Vec<_> = (0..value.values.len())
-                .map(|at| {
-                    let moved = |step: f64| {
-                        let mut moved = value.clone();
-                        moved.values[at] += step;
-                        let (x, w) = if place == 0 { (&moved, &w) } else { (&x, &moved) };
-                        computed(x, w, OBJECTIVE).values[0]
-                    };
-                    (moved(1e-6) - moved(-1e-6)) / 2e-6
-                })
-                .collect();
+            let moved = |moved: &Tensor| {
+                let (x, w) = if place == 0 { (moved, &w) } else { (&x, moved) };
+                Ok(computed(x, w, OBJECTIVE).values[0])
+            };
+            let differences = differences(value, 0..value.values.len(), 1e-6, moved).unwrap();
             let error = relative_error(&exact.values, &differences);
             assert!(error < 1e-6, "{text} at version {opset}: {error:e}");
         }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{both_gradients, numbers, relative_error};
+use super::{both_gradients, differences, numbers, relative_error};
 use crate::gradient::{Target, gradients};
 use crate::graph::Graph;
 use crate::layers::{self, Image};
@@ -65,20 +65,15 @@ fn gradients_of_networks_are_those_that_central_differences_show() {
             let base = graph.evaluate(&given, &[value]).unwrap().swap_remove(0);
             let stride = base.values.len() / count;
             let places: Vec<_> = (0..count).map(|place| place * stride + place % stride).collect();
-            let moved = |place: usize, step: f64| {
-                let mut moved = base.clone();
-                moved.values[place] += step;
+            let moved = |moved: &Tensor| {
                 let mut given = given.clone();
                 given.retain(|(name, _)| *name != value);
-                given.push((value, &moved));
-                graph.evaluate(&given, &[steering(&graph).value]).unwrap()[0].values[0]
+                given.push((value, moved));
+                Ok(graph.evaluate(&given, &[steering(&graph).value])?[0].values[0])
             };
             // The steering hardly changes with one pixel of 0 to 255, so that a larger step rounds less.
             let step = if value == "image" { 1e-4 } else { 1e-6 };
-            let differences: Vec<_> = places
-                .iter()
-                .map(|&place| (moved(place, step) - moved(place, -step)) / (2.0 * step))
-                .collect();
+            let differences = differences(&base, places.iter().copied(), step, moved).unwrap();
             let exact: Vec<_> = places.iter().map(|&place| exact.values[place]).collect();
             let error = relative_error(&exact, &differences);
             println!("{} `{value}`: relative error {error:.1e}", path.file_name().unwrap().to_string_lossy());
