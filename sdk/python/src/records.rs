@@ -67,10 +67,10 @@ pub fn trace_steps<'py>(
         columns.set_item(name, numbers(&|step| step.control.numbers()[place]))?;
     }
     // As `pdk export` names them; not a number at frames without.
-    for (place, name) in ["told_time", "told_speed"].into_iter().enumerate() {
+    for (place, name) in Step::TOLD.into_iter().enumerate() {
         columns.set_item(name, numbers(&|step| step.told.map_or(f64::NAN, |told| told[place])))?;
     }
-    for (place, name) in ["applied_steering", "applied_throttle"].into_iter().enumerate() {
+    for (place, name) in Step::APPLIED.into_iter().enumerate() {
         columns.set_item(
             name,
             numbers(&|step| step.applied.map_or(f64::NAN, |applied| applied.numbers()[place])),

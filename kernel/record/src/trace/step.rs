@@ -19,6 +19,13 @@ pub struct Step {
     pub applied: Option<Control>,
 }
 
+impl Step {
+    /// What tables of steps call the numbers that the driver got besides the frame.
+    pub const TOLD: [&str; 2] = ["told_time", "told_speed"];
+    /// What tables of steps call the numbers of the control as it was applied.
+    pub const APPLIED: [&str; 2] = ["applied_steering", "applied_throttle"];
+}
+
 /// What tells a drive from others: a hash over what the driver saw and decided in each frame. It is part of the outcome.
 #[derive(Debug, Clone, Default)]
 pub struct Digest(blake3::Hasher);

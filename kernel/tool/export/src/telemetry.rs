@@ -28,10 +28,10 @@ pub const COLUMNS: [&str; 22] = [
     "steering",
     "throttle",
     "frame_hash",
-    "told_time",
-    "told_speed",
-    "applied_steering",
-    "applied_throttle",
+    Step::TOLD[0],
+    Step::TOLD[1],
+    Step::APPLIED[0],
+    Step::APPLIED[1],
 ];
 
 /// Writes the traces of these lines, in order.
@@ -55,6 +55,9 @@ fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
     let Step { sequence, state, control, frame_hash, told, applied } = step;
     let finite = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     let [x, height, z] = state.position;
+    let of = |numbers: Option<[f64; 2]>| numbers.map_or_else(Default::default, |numbers| numbers.map(finite));
+    let [told_time, told_speed] = of(*told);
+    let [applied_steering, applied_throttle] = of(applied.map(|control| control.numbers()));
     [
         id.to_owned(),
         number.to_owned(),
@@ -74,9 +77,9 @@ fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
         finite(control.steering),
         finite(control.throttle),
         format!("{frame_hash:016x}"),
-        told.map_or_else(String::new, |[time, _]| finite(time)),
-        told.map_or_else(String::new, |[_, speed]| finite(speed)),
-        applied.map_or_else(String::new, |control| finite(control.steering)),
-        applied.map_or_else(String::new, |control| finite(control.throttle)),
+        told_time,
+        told_speed,
+        applied_steering,
+        applied_throttle,
     ]
 }

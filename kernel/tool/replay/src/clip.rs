@@ -380,7 +380,7 @@ mod tests {
     use pdk_loop::stages::Times;
     use pdk_model::outcome::Cause;
     use pdk_record::trace::writer::Trace;
-    use pdk_sdk::prelude::{Control, State};
+    use pdk_sdk::prelude::State;
 
     #[test]
     fn small_cameras_are_enlarged_and_large_ones_reduced_to_even_sizes() {
@@ -509,8 +509,7 @@ mod tests {
         // A step without its frames does not make the video shorter.
         let mut incomplete = Trace::create(&trace, &recorded.line.id).unwrap();
         for sequence in [0, 1] {
-            let (state, control) = (State::default(), Control::default());
-            incomplete.step(&Step { sequence, state, control, ..Step::default() }).unwrap();
+            incomplete.step(&Step { sequence, ..Step::default() }).unwrap();
         }
         incomplete.finish().unwrap();
         let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();

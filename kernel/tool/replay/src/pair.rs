@@ -178,7 +178,7 @@ mod tests {
     use pdk_loop::stages::Times;
     use pdk_record::trace::step::ImageTopic;
     use pdk_record::trace::writer::Trace;
-    use pdk_sdk::prelude::{Control, State};
+    use pdk_sdk::prelude::State;
 
     fn recorded(number: u64, cause: &str, frames: u64, time: f64) -> Recorded {
         let value = serde_json::json!({
@@ -194,16 +194,7 @@ mod tests {
         let mut trace = Trace::create(path, &recorded.line.id).unwrap();
         for sequence in 0..recorded.line.outcome.frames {
             let state = State { time: sequence as f64 / 4.0, ..State::default() };
-            trace
-                .step(&Step {
-                    sequence,
-                    state,
-                    control: Control::default(),
-                    frame_hash: 0,
-                    told: None,
-                    applied: None,
-                })
-                .unwrap();
+            trace.step(&Step { sequence, state, ..Step::default() }).unwrap();
             let data = vec![brightness + 8 * sequence as u8; width * 16 * 3];
             let frame = Frame::new(&data, width, 16).unwrap();
             for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
