@@ -5,12 +5,14 @@ use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
 use pdk_labels::Labels;
+use pdk_model::during::During;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_preview::preview;
 use pdk_sdk::describe::{Geometry, Kind};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::random::Random;
 use pdk_tests::registry;
+use serde_json::{Value, json};
 
 const SIZE: [usize; 2] = [160, 120];
 /// A marker is a disc of this radius.
@@ -165,6 +167,27 @@ fn what_moves_things_says_where_to_within_a_pixel() {
         }
         println!("{:<60} {checked:>3} markers, {worst:.2} px off at most", perturbation.label());
         assert!(checked >= 10, "{perturbation}: {checked} markers");
+    }
+}
+
+#[test]
+fn labels_can_be_moved_under_a_span_of_time_but_not_under_a_box() {
+    let registry = registry(&SearchPath::default());
+    let limited = |during: Value| {
+        let mut applied = AppliedPerturbation::parse("translate_image,shift=-7.3").unwrap();
+        applied.during = Some(During::from_json(&during).unwrap());
+        chain(&registry, &applied, 1)
+    };
+    let mut span = limited(json!({"from": 1}));
+    assert!(span.moves().unwrap());
+    for (time, moves) in [(0.5, false), (1.5, true)] {
+        let mut points = [MARKERS[0]];
+        Labels::new(&mut span, SIZE, &Moment::new(3, time)).points(&mut points).unwrap();
+        assert_eq!(points[0] != MARKERS[0], moves, "at {time} s: {points:?}");
+    }
+    for boxed in [json!({"box": [0, 0, 1, 0.5]}), json!({"except": {"from": 1, "box": [0, 0, 1, 0.5]}})] {
+        let error = limited(boxed).moves().unwrap_err().to_string();
+        assert!(error.contains("it moves things in a part of the frame only"), "{error}");
     }
 }
 
