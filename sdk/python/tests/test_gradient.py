@@ -7,7 +7,7 @@ import pytest
 
 import pdk_perturb as pdk
 
-onnxruntime = pytest.importorskip("onnxruntime")
+onnxruntime = pytest.importorskip("onnxruntime", reason="onnxruntime is missing; `pip install onnxruntime`")
 
 MODEL = Path(__file__).parents[3] / "scripts" / "models" / "dave2.onnx"
 
@@ -39,7 +39,7 @@ def test_the_gradient_of_the_steering_is_the_slope_of_the_network(inputs, contro
     assert difference == pytest.approx(float((slope * direction).sum()), rel=0.02)
 
 
-def test_a_loss_falls_along_the_gradients_of_the_weights(inputs):
+def test_a_loss_has_the_gradients_of_the_weights_that_the_chain_rule_gives(inputs, controls):
     loss = pdk.Gradient(MODEL, of="squared_error(control)", by=["connected.6.weight", "connected.6.bias"])
     target = [[0.3, 0.1]]
     value, slopes = loss.with_value(*inputs, target=target)
@@ -48,9 +48,15 @@ def test_a_loss_falls_along_the_gradients_of_the_weights(inputs):
         "connected.6.bias": (2,),
     }
     # The bias is added before the hyperbolic tangent that ends the network, and the loss is the mean of two squares.
-    control = pdk.Gradient(MODEL, of="control[0]").with_value(*inputs)[0]
-    assert slopes["connected.6.bias"][0] == pytest.approx((control - 0.3) * (1 - control**2), abs=1e-5)
-    assert value > 0
+    control = controls(*inputs)[0]
+    assert value == pytest.approx(float(((control - target) ** 2).mean()), abs=1e-6)
+    bias = (control - target[0]) * (1 - control**2)
+    assert slopes["connected.6.bias"] == pytest.approx(bias, abs=1e-5)
+    # Each weight is multiplied by a value of the layer before.
+    hidden = "/connected/connected.5/Relu_output_0"
+    layer = [pdk.Gradient(MODEL, of=f"{hidden}[{place}]").with_value(*inputs)[0] for place in range(10)]
+    assert max(layer) > 0.1
+    assert slopes["connected.6.weight"] == pytest.approx(numpy.outer(bias, layer), abs=1e-5)
 
 
 def test_what_does_not_fit_is_an_error_that_names_it(inputs):

@@ -115,7 +115,7 @@ def test_a_network_travels_by_its_content(cluster, tmp_path, cache):
     assert digests[0] == digests[1]
     name = hashlib.sha256(model.read_bytes()).hexdigest()[:32]
     assert (cache / "travelled" / name / "pilot.onnx").is_file()
-    # The record names the file if it is on the session's machine.
+    # The record names the file by its place on the session's machine.
     assert session.record.lines()[0]["scenario"]["driver"]["parameters"]["model"] == str(model)
 
 
