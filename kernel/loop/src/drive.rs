@@ -208,13 +208,13 @@ impl<'a> Run<'a> {
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, size[0], size[1]).map_err(wrong_size)?;
         let cx = DriveContext { frame_index: sequence, time: state.time, speed: state.speed };
-        let told = stopwatch
+        let observed = stopwatch
             .measure(Stage::Perturbation, || {
                 chain.apply(raw_frame, target, &moment)?;
                 chain.pass(ActsOn::Observation, cx.numbers(), &moment)
             })
             .map_err(Fault::Component)?;
-        let cx = told.map_or(cx, |[time, speed]| DriveContext { time, speed, ..cx });
+        let cx = observed.map_or(cx, |[time, speed]| DriveContext { time, speed, ..cx });
         let perturbed = loan.publish()?;
         let perturbed_frame = frame(&perturbed, size)?;
 
@@ -232,7 +232,7 @@ impl<'a> Run<'a> {
         let frame_hash = XxHash3_64::oneshot(&perturbed);
         self.digest.add(frame_hash, &control);
         if let Some(recorder) = witnesses.recorder {
-            recorder.step(Step { sequence, state, control, frame_hash, told, applied });
+            recorder.step(Step { sequence, state, control, frame_hash, observed, applied });
             let (every, time) = (self.job.drive.images_every, state.time);
             let seen = Seen { sequence, time, raw: raw_frame, perturbed: perturbed_frame, moment: &moment };
             self.pictures.record(&seen, every, recorder, witnesses.recent, view.as_deref_mut())?;

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | `/state` | `pdk.State` | every frame's state, with a hash of what the driver saw |
 //! | `/control` | `pdk.Control` | what the driver decided |
-//! | `/told`, `/applied` | `pdk.Told`, `pdk.Control` | the time and speed that the driver got, and what was applied to the vehicle, if perturbations change them |
+//! | `/observed`, `/applied` | `pdk.Observation`, `pdk.Control` | the time and speed that the driver got, and what was applied to the vehicle, if perturbations change them |
 //! | `/raw`, `/perturbed` | `foxglove.CompressedImage` | some frames, as the camera and as the driver saw them |
 //! | `/event` | `foxglove.Log` | the start, failures, the end |
 //! | `/road` | `pdk.Road` | the centre line of the driven lane, where the simulator tells |

@@ -2,7 +2,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::told_speed;
+use crate::with_speed;
 
 /// Scales and shifts the speed.
 pub struct BiasedSpeed;
@@ -35,8 +35,8 @@ impl Component for BiasedSpeed {
 }
 
 impl Perturbation for BiasedSpeed {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        Ok(told_speed(told, (1.0 + cx.number("share")) * told.speed + cx.number("offset")))
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        Ok(with_speed(observation, (1.0 + cx.number("share")) * observation.speed + cx.number("offset")))
     }
 }
 

@@ -27,8 +27,11 @@ impl Component for DriftingClock {
 }
 
 impl Perturbation for DriftingClock {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        Ok(DriveContext { time: (1.0 + cx.number("rate")) * told.time + cx.number("offset"), ..told })
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        Ok(DriveContext {
+            time: (1.0 + cx.number("rate")) * observation.time + cx.number("offset"),
+            ..observation
+        })
     }
 }
 
@@ -37,12 +40,12 @@ mod tests {
     use pdk_sdk::serde_json::json;
 
     use super::DriftingClock;
-    use crate::test_drive::told;
+    use crate::test_drive::observed;
 
     #[test]
     fn the_time_runs_off_and_the_speed_stays() {
-        let told = told::<DriftingClock>(&json!({"rate": 0.5, "offset": 3}), 0.0, &[8.0; 41]);
-        assert_eq!((told[0], told[40]), ([3.0, 8.0], [6.0, 8.0]));
+        let observed = observed::<DriftingClock>(&json!({"rate": 0.5, "offset": 3}), 0.0, &[8.0; 41]);
+        assert_eq!((observed[0], observed[40]), ([3.0, 8.0], [6.0, 8.0]));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::told_speed;
+use crate::with_speed;
 
 /// Adds an error that grows evenly.
 pub struct DriftingSpeed;
@@ -33,8 +33,8 @@ impl Component for DriftingSpeed {
 }
 
 impl Perturbation for DriftingSpeed {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        Ok(told_speed(told, told.speed + cx.number("drift") * cx.time))
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        Ok(with_speed(observation, observation.speed + cx.number("drift") * cx.time))
     }
 }
 
@@ -48,8 +48,8 @@ mod tests {
     #[test]
     fn the_error_grows_evenly_and_the_speed_is_never_below_zero() {
         // Twenty frames a second.
-        let told = speeds::<DriftingSpeed>(&json!({"drift": -2}), 0.0, &[4.0; 100]);
-        assert_eq!((told[0], told[10], told[20], told[99]), (4.0, 3.0, 2.0, 0.0));
+        let observed = speeds::<DriftingSpeed>(&json!({"drift": -2}), 0.0, &[4.0; 100]);
+        assert_eq!((observed[0], observed[10], observed[20], observed[99]), (4.0, 3.0, 2.0, 0.0));
     }
 
     #[test]

@@ -31,20 +31,20 @@ impl Component for LateSpeed {
 }
 
 impl Perturbation for LateSpeed {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
         // Times are sums of steps, so they miss a multiple of a step by a rounding error.
         let latest = cx.time - cx.number("delay") + 1e-6;
         if cx.time <= latest {
-            return Ok(told);
+            return Ok(observation);
         }
-        let mut speed = told.speed;
+        let mut speed = observation.speed;
         for earlier in cx.signals.iter() {
             speed = earlier.given[1];
             if earlier.time <= latest {
                 break;
             }
         }
-        Ok(DriveContext { speed, ..told })
+        Ok(DriveContext { speed, ..observation })
     }
 }
 

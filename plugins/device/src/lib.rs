@@ -55,6 +55,6 @@ fn fault(name: &str, doc: &str, acts_on: ActsOn) -> Description {
 }
 
 /// What the driver gets with another speed. One below 0 is 0, and one that is not known stays unknown.
-fn told_speed(told: DriveContext, speed: f64) -> DriveContext {
-    DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..told }
+fn with_speed(observation: DriveContext, speed: f64) -> DriveContext {
+    DriveContext { speed: if speed < 0.0 { 0.0 } else { speed }, ..observation }
 }

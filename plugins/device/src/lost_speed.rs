@@ -33,9 +33,9 @@ impl Component for LostSpeed {
 }
 
 impl Perturbation for LostSpeed {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
         if !bursts::of(cx).lose(cx.frame_index, cx) {
-            return Ok(told);
+            return Ok(observation);
         }
         let speed = match cx.integer("shows") {
             // Before the first reading that came there is none.
@@ -43,7 +43,7 @@ impl Perturbation for LostSpeed {
             1 => 0.0,
             _ => f64::NAN,
         };
-        Ok(DriveContext { speed, ..told })
+        Ok(DriveContext { speed, ..observation })
     }
 }
 
@@ -57,23 +57,23 @@ mod tests {
     #[test]
     fn the_speed_is_always_that_of_the_last_reading_that_came() {
         let true_speeds: Vec<f64> = (1..=600).map(f64::from).collect();
-        let told = speeds::<LostSpeed>(&json!({"lost": 0.5, "burst": 5}), 0.0, &true_speeds);
+        let observed = speeds::<LostSpeed>(&json!({"lost": 0.5, "burst": 5}), 0.0, &true_speeds);
         let mut latest = 0.0;
-        for (speed, told) in true_speeds.iter().zip(&told) {
-            assert!(told == speed || *told == latest, "{told} at {speed} after {latest}");
-            latest = *told;
+        for (speed, observed) in true_speeds.iter().zip(&observed) {
+            assert!(observed == speed || *observed == latest, "{observed} at {speed} after {latest}");
+            latest = *observed;
         }
-        let lost = told.iter().zip(&true_speeds).filter(|(told, speed)| told != speed).count();
+        let lost = observed.iter().zip(&true_speeds).filter(|(observed, speed)| observed != speed).count();
         assert!((200..400).contains(&lost), "{lost}");
     }
 
     #[test]
     fn what_is_lost_can_be_zero_or_unknown() {
-        let told = |shows| speeds::<LostSpeed>(&json!({"lost": 1.0, "shows": shows}), 0.0, &[7.0; 3]);
-        assert_eq!(told("zero"), [0.0; 3]);
-        assert!(told("unknown").iter().all(|speed| speed.is_nan()));
+        let observed = |shows| speeds::<LostSpeed>(&json!({"lost": 1.0, "shows": shows}), 0.0, &[7.0; 3]);
+        assert_eq!(observed("zero"), [0.0; 3]);
+        assert!(observed("unknown").iter().all(|speed| speed.is_nan()));
         // Nothing came before.
-        assert_eq!(told("last"), [0.0; 3]);
+        assert_eq!(observed("last"), [0.0; 3]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::told_speed;
+use crate::with_speed;
 
 /// Adds normal noise to the speed.
 pub struct NoisySpeed;
@@ -26,8 +26,8 @@ impl Component for NoisySpeed {
 }
 
 impl Perturbation for NoisySpeed {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        Ok(told_speed(told, told.speed + cx.number("sigma") * cx.frame_random().normal()))
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        Ok(with_speed(observation, observation.speed + cx.number("sigma") * cx.frame_random().normal()))
     }
 }
 
@@ -40,10 +40,10 @@ mod tests {
 
     #[test]
     fn the_noise_has_the_deviation_that_was_asked_for() {
-        let told = speeds::<NoisySpeed>(&json!({"sigma": 1.5}), 0.0, &[20.0; 4_000]);
-        let mean = told.iter().sum::<f64>() / told.len() as f64;
+        let observed = speeds::<NoisySpeed>(&json!({"sigma": 1.5}), 0.0, &[20.0; 4_000]);
+        let mean = observed.iter().sum::<f64>() / observed.len() as f64;
         let variance =
-            told.iter().map(|speed| (speed - mean) * (speed - mean)).sum::<f64>() / told.len() as f64;
+            observed.iter().map(|speed| (speed - mean) * (speed - mean)).sum::<f64>() / observed.len() as f64;
         assert!((mean - 20.0).abs() < 0.08, "{mean}");
         assert!((variance - 2.25).abs() < 0.2, "{variance}");
         assert!(

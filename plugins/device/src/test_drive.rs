@@ -49,13 +49,13 @@ pub fn applied_at<P: Component + Perturbation>(
 }
 
 /// The times and the speeds that a driver gets if these are the true speeds.
-pub fn told<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<Numbers> {
+pub fn observed<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<Numbers> {
     passed::<P>(given, level, (0..).zip(speeds).map(|(index, speed)| (index, [time(index), *speed])))
 }
 
 /// The speeds that a driver gets if these are the true ones. The time stays.
 pub fn speeds<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<f64> {
-    let told = told::<P>(given, level, speeds);
-    assert!((0..).zip(&told).all(|(index, [told, _])| *told == time(index)));
-    told.into_iter().map(|[_, speed]| speed).collect()
+    let observed = observed::<P>(given, level, speeds);
+    assert!((0..).zip(&observed).all(|(index, [observed, _])| *observed == time(index)));
+    observed.into_iter().map(|[_, speed]| speed).collect()
 }

@@ -67,8 +67,9 @@ pub fn trace_steps<'py>(
         columns.set_item(name, numbers(&|step| step.control.numbers()[place]))?;
     }
     // As `pdk export` names them; not a number at frames without.
-    for (place, name) in Step::TOLD.into_iter().enumerate() {
-        columns.set_item(name, numbers(&|step| step.told.map_or(f64::NAN, |told| told[place])))?;
+    for (place, name) in Step::OBSERVED.into_iter().enumerate() {
+        columns
+            .set_item(name, numbers(&|step| step.observed.map_or(f64::NAN, |observed| observed[place])))?;
     }
     for (place, name) in Step::APPLIED.into_iter().enumerate() {
         columns.set_item(

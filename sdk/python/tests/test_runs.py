@@ -513,7 +513,7 @@ def test_what_was_applied_and_what_the_driver_got_are_in_the_steps(tmp_path):
         session.drive([{"perturbations": [late, slow]}, {}])
     steps = session.record.steps(0)
     assert (steps["applied_steering"][2:] == steps["steering"][:-2]).all()
-    assert (steps["told_speed"] == 0.5 * steps["speed"]).all() and (steps["told_time"] == steps["time"]).all()
+    assert (steps["observed_speed"] == 0.5 * steps["speed"]).all() and (steps["observed_time"] == steps["time"]).all()
     plain = session.record.steps(1)
-    for name in ("told_time", "told_speed", "applied_steering", "applied_throttle"):
+    for name in ("observed_time", "observed_speed", "applied_steering", "applied_throttle"):
         assert numpy.isnan(plain[name]).all()

@@ -60,7 +60,7 @@ def test_scenarios_and_telemetry_are_tables(record, tmp_path):
     assert telemetry.num_row_groups == len(lines)
     assert telemetry.metadata.num_rows == sum(line["frames"] for line in lines)
     columns = telemetry.read_row_group(2).to_pydict()
-    assert set(columns["applied_steering"]) == set(columns["told_speed"]) == {None}
+    assert set(columns["applied_steering"]) == set(columns["observed_speed"]) == {None}
     errors = record.steps(2)["cross_track_error"]
     assert columns["cross_track_error"] == errors.tolist() and set(columns["number"]) == {2}
     # Equal records make equal tables, and nothing is left beside them.

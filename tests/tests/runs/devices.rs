@@ -18,7 +18,8 @@ const HALVED: &str =
     assert(cx.period == 0.05 and (before == nil or before.frame_index == cx.frame_index - 1))
     control.steering = if before then before.given.steering / 2 else 0
 end }";
-const DOUBLED: &str = "return { doc = 'Doubles the speed', observe = function(told) told.speed *= 2 end }";
+const DOUBLED: &str =
+    "return { doc = 'Doubles the speed', observe = function(observation) observation.speed *= 2 end }";
 
 /// Drives under these perturbations, and gives the steps of each drive.
 fn driven(folder: &Path, out: &Path, perturbations: &[&str], workers: &str) -> Vec<Vec<Step>> {
@@ -54,8 +55,8 @@ fn controls_are_recorded_as_the_driver_gave_them_and_as_they_were_applied() {
         ],
         "2",
     );
-    assert!(all[0].iter().all(|step| step.applied.is_none() && step.told.is_none()));
-    assert!(all[1..].iter().flatten().all(|step| step.applied.is_some() && step.told.is_none()));
+    assert!(all[0].iter().all(|step| step.applied.is_none() && step.observed.is_none()));
+    assert!(all[1..].iter().flatten().all(|step| step.applied.is_some() && step.observed.is_none()));
     let bits = |value: f64| value.to_bits();
     for (index, step) in all[1].iter().enumerate() {
         let expected = index.checked_sub(3).map_or_else(Default::default, |index| all[1][index].control);
@@ -88,10 +89,10 @@ fn what_the_driver_gets_is_recorded_and_all_comes_out_again_on_any_number_of_wor
     let one = folder.path().join("one");
     let steps = driven(folder.path(), &one, &perturbations, "1");
     for step in &steps[0] {
-        assert_eq!(step.told, Some([step.state.time, 0.5 * step.state.speed]));
+        assert_eq!(step.observed, Some([step.state.time, 0.5 * step.state.speed]));
     }
     for step in &steps[1] {
-        assert_eq!(step.told, Some([1.5 * step.state.time, 2.0 * step.state.speed]));
+        assert_eq!(step.observed, Some([1.5 * step.state.time, 2.0 * step.state.speed]));
     }
     // A driver that holds a speed drives as much faster as it believes to be slower.
     let fastest = |steps: &[Step]| steps.iter().map(|step| step.state.speed).fold(0.0, f64::max);

@@ -19,7 +19,7 @@ use crate::trace::chunks;
 use crate::trace::message::Field;
 use crate::trace::protobuf::{Wire, fields};
 use crate::trace::step::{Digest, ImageTopic, Step};
-use crate::trace::writer::{APPLIED, ATTENTION, SCENARIO, TOLD, WAYPOINTS, state_fields};
+use crate::trace::writer::{APPLIED, ATTENTION, OBSERVED, SCENARIO, WAYPOINTS, state_fields};
 
 /// A frame as it lies in a trace. It is for people: what the driver saw had not been through JPEG.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -251,11 +251,11 @@ impl TraceReader {
                     }
                     continue;
                 }
-                Topic::Told | Topic::Applied | Topic::Control => {
+                Topic::Observed | Topic::Applied | Topic::Control => {
                     let numbers = values.numbers().map_err(|what| self.damaged(&what))?;
                     let step = self.step.as_mut().filter(|step| step.sequence == sequence);
                     match (topic, step) {
-                        (Topic::Told, Some(step)) => step.told = Some(numbers),
+                        (Topic::Observed, Some(step)) => step.observed = Some(numbers),
                         (Topic::Applied, Some(step)) => step.applied = Some(Control::from_numbers(numbers)),
                         (_, Some(step)) => step.control = Control::from_numbers(numbers),
                         (_, None) => return Err(self.damaged("a control without a state")),
@@ -336,7 +336,7 @@ const ERROR_LEVEL: u64 = 4;
 enum Topic {
     State,
     Control,
-    Told,
+    Observed,
     Applied,
     Image(ImageTopic),
     Event,
@@ -350,7 +350,7 @@ impl Topic {
             "/control" => Some(Topic::Control),
             "/raw" => Some(Topic::Image(ImageTopic::Raw)),
             "/perturbed" => Some(Topic::Image(ImageTopic::Perturbed)),
-            TOLD => Some(Topic::Told),
+            OBSERVED => Some(Topic::Observed),
             APPLIED => Some(Topic::Applied),
             ATTENTION => Some(Topic::Image(ImageTopic::Attention)),
             "/event" => Some(Topic::Event),
@@ -364,7 +364,7 @@ impl Topic {
         match self {
             Topic::State => state_fields().into_iter().map(Field::name).collect(),
             Topic::Control | Topic::Applied => Control::NUMBERS.to_vec(),
-            Topic::Told => DriveContext::NUMBERS.to_vec(),
+            Topic::Observed => DriveContext::NUMBERS.to_vec(),
             Topic::Image(_) => vec!["data"],
             Topic::Event => vec!["level", "message"],
             Topic::Road => vec![WAYPOINTS],
@@ -490,9 +490,9 @@ mod tests {
                 ..State::default()
             };
             let control = Control { steering: -0.125 * time, throttle: 1.0 };
-            let told = (sequence > 0).then_some([time + 0.001, f64::from(sequence as u32) - 0.0]);
+            let observed = (sequence > 0).then_some([time + 0.001, f64::from(sequence as u32) - 0.0]);
             let applied = (sequence > 1).then_some(Control { steering: -0.0, throttle: time });
-            Step { sequence, state, control, frame_hash: u64::MAX - sequence, told, applied }
+            Step { sequence, state, control, frame_hash: u64::MAX - sequence, observed, applied }
         };
         (0..4).map(step).collect()
     }

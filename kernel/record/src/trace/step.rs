@@ -14,14 +14,14 @@ pub struct Step {
     /// Hash of the frame that the driver saw: XXH3 with 64 bits over its bytes.
     pub frame_hash: u64,
     /// What the driver got besides the frame, if a perturbation acts on that: time and speed.
-    pub told: Option<[f64; 2]>,
+    pub observed: Option<[f64; 2]>,
     /// What was applied to the vehicle, if a perturbation acts on controls.
     pub applied: Option<Control>,
 }
 
 impl Step {
     /// What tables of steps call the numbers that the driver got besides the frame.
-    pub const TOLD: [&str; 2] = ["told_time", "told_speed"];
+    pub const OBSERVED: [&str; 2] = ["observed_time", "observed_speed"];
     /// What tables of steps call the numbers of the control as it was applied.
     pub const APPLIED: [&str; 2] = ["applied_steering", "applied_throttle"];
 }

@@ -57,7 +57,7 @@ pub(crate) const WAYPOINTS: &str = "waypoints";
 pub(crate) const SCENARIO: &str = "scenario";
 /// The topics that few traces have: what a network looked at, what the driver got besides the frame, and what was applied to the vehicle.
 pub(crate) const ATTENTION: &str = "/attention";
-pub(crate) const TOLD: &str = "/told";
+pub(crate) const OBSERVED: &str = "/observed";
 pub(crate) const APPLIED: &str = "/applied";
 /// The package of pdk's own messages.
 const PACKAGE: &str = "pdk";
@@ -95,7 +95,7 @@ impl Trace {
     /// # Errors
     /// If it cannot be written.
     pub fn step(&mut self, step: &Step) -> Result<()> {
-        let Step { sequence, state, control, frame_hash, told, applied } = *step;
+        let Step { sequence, state, control, frame_hash, observed, applied } = *step;
         self.sequence = sequence as u32;
         let message = &mut self.message;
         message.clear();
@@ -108,9 +108,10 @@ impl Trace {
         state.flags().into_iter().for_each(|value| put_whole(message, next(), u64::from(value)));
         put_whole(message, next(), frame_hash);
         self.write_message(self.channels.state, state.time)?;
-        if let Some(numbers) = told {
+        if let Some(numbers) = observed {
             let fields = DriveContext::NUMBERS.map(Field::Double);
-            let channel = self.later(TOLD, |writer, path| add_own(writer, TOLD, "Told", &fields, path))?;
+            let channel =
+                self.later(OBSERVED, |writer, path| add_own(writer, OBSERVED, "Observation", &fields, path))?;
             self.write_numbers(channel, state.time, numbers)?;
         }
         if let Some(control) = applied {

@@ -297,9 +297,9 @@ impl LuaPerturbation {
 }
 
 impl Perturbation for LuaPerturbation {
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        let [time, speed] = self.pass(told.numbers(), cx)?;
-        Ok(DriveContext { time, speed, ..told })
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let [time, speed] = self.pass(observation.numbers(), cx)?;
+        Ok(DriveContext { time, speed, ..observation })
     }
 
     fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {

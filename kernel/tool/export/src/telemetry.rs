@@ -28,8 +28,8 @@ pub const COLUMNS: [&str; 22] = [
     "steering",
     "throttle",
     "frame_hash",
-    Step::TOLD[0],
-    Step::TOLD[1],
+    Step::OBSERVED[0],
+    Step::OBSERVED[1],
     Step::APPLIED[0],
     Step::APPLIED[1],
 ];
@@ -52,11 +52,11 @@ pub fn write(directory: &RunDirectory, lines: &[Line], file: impl Write) -> Resu
 }
 
 fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
-    let Step { sequence, state, control, frame_hash, told, applied } = step;
+    let Step { sequence, state, control, frame_hash, observed, applied } = step;
     let finite = |value: f64| if value.is_finite() { value.to_string() } else { String::new() };
     let [x, height, z] = state.position;
     let of = |numbers: Option<[f64; 2]>| numbers.map_or_else(Default::default, |numbers| numbers.map(finite));
-    let [told_time, told_speed] = of(*told);
+    let [observed_time, observed_speed] = of(*observed);
     let [applied_steering, applied_throttle] = of(applied.map(|control| control.numbers()));
     [
         id.to_owned(),
@@ -77,8 +77,8 @@ fn fields(id: &str, number: &str, step: &Step) -> [String; COLUMNS.len()] {
         finite(control.steering),
         finite(control.throttle),
         format!("{frame_hash:016x}"),
-        told_time,
-        told_speed,
+        observed_time,
+        observed_speed,
         applied_steering,
         applied_throttle,
     ]

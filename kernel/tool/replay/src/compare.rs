@@ -145,9 +145,9 @@ fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
     }
     // What is not recorded was not changed: the driver got what is in the state, and its control was applied.
     let signals = |step: &Step| {
-        let told = step.told.unwrap_or([step.state.time, step.state.speed]);
+        let observed = step.observed.unwrap_or([step.state.time, step.state.speed]);
         let applied = step.applied.unwrap_or(step.control).numbers();
-        [(TOLD, told), (Control::NUMBERS, step.control.numbers()), (APPLIED, applied)]
+        [(OBSERVED, observed), (Control::NUMBERS, step.control.numbers()), (APPLIED, applied)]
     };
     signals(recorded).into_iter().zip(signals(replayed)).find_map(|((names, was), (_, is))| {
         let place = first_other(&was, &is)?;
@@ -156,7 +156,7 @@ fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
 }
 
 /// What a difference calls the numbers that the driver got, and those that were applied to the vehicle.
-const TOLD: [&str; 2] = ["the time that the driver got", "the speed that the driver got"];
+const OBSERVED: [&str; 2] = ["the time that the driver got", "the speed that the driver got"];
 const APPLIED: [&str; 2] = ["the steering that was applied", "the throttle that was applied"];
 
 /// The place of the first number that has other bits.
@@ -210,8 +210,8 @@ mod tests {
             ("the hash of the frame", |s| s.frame_hash += 1),
             ("steering", |s| s.control.steering = -0.0),
             ("throttle", |s| s.control.throttle = 1.0),
-            ("the time that the driver got", |s| s.told = Some([0.9, 8.0])),
-            ("the speed that the driver got", |s| s.told = Some([0.85, f64::NAN])),
+            ("the time that the driver got", |s| s.observed = Some([0.9, 8.0])),
+            ("the speed that the driver got", |s| s.observed = Some([0.85, f64::NAN])),
             ("the steering that was applied", |s| {
                 s.applied = Some(Control { steering: -0.0, throttle: 0.0 })
             }),

@@ -39,7 +39,7 @@ pub trait Driver: Send {
     }
 }
 
-/// What a driver knows besides the frame.
+/// An observation: what a driver gets besides the frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveContext {
     /// The number of the frame in its sequence, from 0.

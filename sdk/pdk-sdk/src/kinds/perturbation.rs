@@ -37,12 +37,12 @@ pub trait Perturbation: Send {
         Err(Error::new("it does not change frames; implement `apply`"))
     }
 
-    /// What the driver gets in place of the speed and the time in `told`. The number of the frame stays.
+    /// What the driver gets in place of the speed and the time in `observation`. The number of the frame stays.
     ///
     /// # Errors
     /// As [`Perturbation::apply`].
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
-        let _ = (told, cx);
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+        let _ = (observation, cx);
         Err(Error::new("it does not change what the driver gets; implement `observe`"))
     }
 
@@ -90,8 +90,8 @@ pub fn pass(
     match what {
         ActsOn::Control => Ok(instance.actuate(Control::from_numbers(given), cx)?.checked()?.numbers()),
         _ => {
-            let told = DriveContext { frame_index: cx.frame_index, time, speed };
-            Ok(instance.observe(told, cx)?.checked()?.numbers())
+            let observation = DriveContext { frame_index: cx.frame_index, time, speed };
+            Ok(instance.observe(observation, cx)?.checked()?.numbers())
         }
     }
 }
@@ -295,13 +295,13 @@ functions! { Perturbation as PerturbationFunctions:
     fn observe(
         component,
         names,
-        told: *const pdk_abi::DriveContext,
+        observation: *const pdk_abi::DriveContext,
         context: *const pdk_abi::PerturbationContext,
         into: *mut pdk_abi::DriveContext
     ) {
-        let told = DriveContext::read(told);
+        let observation = DriveContext::read(observation);
         with_context(names, context, |cx| {
-            store(component.observe(told, cx)?.raw(), into);
+            store(component.observe(observation, cx)?.raw(), into);
             Ok(())
         })
     }
@@ -404,13 +404,13 @@ impl Perturbation for Host {
         call(|error| unsafe { move_points(pointer, data, length, way, width, height, &context, error) })
     }
 
-    fn observe(&mut self, told: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
+    fn observe(&mut self, observation: DriveContext, cx: &Context<'_>) -> Result<DriveContext> {
         let Object { pointer, functions, .. } = self.0;
         let observe = needed(functions.observe(), "observe")?;
-        let (context, told) = (perturbation_context(cx), told.raw());
-        let mut into = told;
+        let (context, observation) = (perturbation_context(cx), observation.raw());
+        let mut into = observation;
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { observe(pointer, &told, &context, &mut into, error) })?;
+        call(|error| unsafe { observe(pointer, &observation, &context, &mut into, error) })?;
         Ok(DriveContext::from_raw(into))
     }
 

@@ -98,10 +98,10 @@ mod tests {
             Ok(Control { steering, ..control })
         }
 
-        fn observe(&mut self, told: DriveContext, _: &Context<'_>) -> Result<DriveContext> {
+        fn observe(&mut self, observation: DriveContext, _: &Context<'_>) -> Result<DriveContext> {
             Ok(match self.0 {
-                "has no time" => DriveContext { time: f64::INFINITY, ..told },
-                _ => DriveContext { speed: f64::NAN, ..told },
+                "has no time" => DriveContext { time: f64::INFINITY, ..observation },
+                _ => DriveContext { speed: f64::NAN, ..observation },
             })
         }
     }

@@ -21,7 +21,7 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         ),
         field(
             "observe",
-            "((told: Observation, cx: Context) -> ())?",
+            "((observation: Observation, cx: Context) -> ())?",
             "Changes in place what the driver gets besides the frame. It has an effect in drives alone.",
         ),
         field(
