@@ -22,6 +22,7 @@ use pdk_statistics::estimate::Estimate;
 use pdk_statistics::mean;
 use pdk_supervise::calls::{self, Function};
 use pdk_terminal::table::table;
+use pdk_terminal::text::wrapped;
 use serde_json::{Value, json};
 
 use super::patches::{Agreement, Patches};
@@ -47,6 +48,20 @@ pub struct Curves {
     speed: f64,
     seed: u64,
     measured: Vec<Vec<Measured>>,
+}
+
+/// A frame with what is the same for all of its maps.
+pub struct Seen<'a> {
+    shown: &'a Shown,
+    speed: f64,
+    index: u64,
+    /// The frame's mean colour, which takes the place of what is taken away.
+    color: [u8; 3],
+    /// How the driver steers at the frame.
+    whole: f64,
+    /// By how much the steering changes if the mean colour is all that is left.
+    without: f64,
+    patches: Patches,
 }
 
 /// What was measured of a method's map of one frame.
@@ -80,21 +95,34 @@ impl Curves {
         })
     }
 
-    /// Measures the map of a frame.
+    /// Measures what is the same for all maps of a frame.
     ///
     /// # Errors
     /// If the driver fails.
-    pub fn add(&mut self, method: usize, shown: &Shown, map: &[f32], index: u64) -> Result<()> {
+    pub fn see<'a>(&mut self, shown: &'a Shown, index: u64) -> Result<Seen<'a>> {
         let (frame, speed) = (shown.frame.as_ref(), shown.speed.unwrap_or(self.speed));
+        let color = mean_color(frame);
+        let whole = self.steering(frame, speed)?;
+        let mut random = seed::key(self.seed, "patches", 0).frame(index);
+        let mut change = |frame: Frame<'_>| Ok((self.steering(frame, speed)? - whole).abs());
+        let without = change(plain(frame, color).as_ref())?;
+        let patches = Patches::measure(frame, color, &mut random, change)?;
+        Ok(Seen { shown, speed, index, color, whole, without, patches })
+    }
+
+    /// Measures a method's map of a frame.
+    ///
+    /// # Errors
+    /// If the driver fails.
+    pub fn add(&mut self, method: usize, seen: &Seen<'_>, map: &[f32]) -> Result<()> {
         // The same moves for every method, so that methods are compared under the same luck.
-        let mut random = seed::key(self.seed, "moved maps", 0).frame(index);
-        let patches = self.patches(frame, speed, &mut seed::key(self.seed, "patches", 0).frame(index))?;
-        let own = self.areas(frame, speed, map, &patches)?;
+        let mut random = seed::key(self.seed, "moved maps", 0).frame(seen.index);
+        let own = self.areas(seen, map)?;
         let mut moved = Areas::default();
         for _ in 0..MOVES {
-            moved.add(self.areas(frame, speed, &relocate(map, frame.width(), &mut random), &patches)?);
+            moved.add(self.areas(seen, &relocate(map, seen.shown.frame.width(), &mut random))?);
         }
-        self.measured[method].push(Measured { own, moved, road: shown.road });
+        self.measured[method].push(Measured { own, moved, road: seen.shown.road });
         Ok(())
     }
 
@@ -107,41 +135,25 @@ impl Curves {
         Ok(control.map_err(|error| error.at(&self.place))?.steering)
     }
 
-    /// Patches of a frame, the same for every method.
-    fn patches(&mut self, frame: Frame<'_>, speed: f64, random: &mut Random) -> Result<Patches> {
-        let whole = self.steering(frame, speed)?;
-        Patches::measure(frame, mean_color(frame), random, |without| {
-            Ok((self.steering(without, speed)? - whole).abs())
-        })
-    }
-
-    fn areas(&mut self, frame: Frame<'_>, speed: f64, map: &[f32], patches: &Patches) -> Result<Areas> {
-        let whole = self.steering(frame, speed)?;
+    fn areas(&mut self, seen: &Seen<'_>, map: &[f32]) -> Result<Areas> {
+        let Seen { shown, speed, color, whole, without, ref patches, .. } = *seen;
+        let frame = shown.frame.as_ref();
         let mut order: Vec<usize> = (0..map.len()).collect();
         order.sort_by(|&a, &b| map[b].total_cmp(&map[a]));
-        let mut taken = FrameBuf::new(frame.width(), frame.height());
-        taken.as_mut().copy_from(frame);
-        let mean = mean_color(frame);
-        let mut left = FrameBuf::new(frame.width(), frame.height());
-        left.as_mut()
-            .rows_mut()
-            .for_each(|row| row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&mean)));
-        let mut areas = Areas {
-            deletion: 0.0,
-            insertion: (self.steering(left.as_ref(), speed)? - whole).abs(),
-            patches: patches.agreement(map, frame.width()),
-        };
-        for step in 1..=STEPS {
+        let (mut taken, mut left) = (shown.frame.clone(), plain(frame, color));
+        // The insertion begins where the deletion ends: with nothing of the frame.
+        let mut areas =
+            Areas { deletion: 0.0, insertion: without, patches: patches.agreement(map, frame.width()) };
+        for step in 1..STEPS {
             for &at in &order[order.len() * (step - 1) / STEPS..order.len() * step / STEPS] {
                 let (x, y) = (at % frame.width(), at / frame.width());
-                taken.as_mut().set_pixel(x, y, mean);
+                taken.as_mut().set_pixel(x, y, color);
                 left.as_mut().set_pixel(x, y, frame.pixel(x, y));
             }
             areas.deletion += (self.steering(taken.as_ref(), speed)? - whole).abs();
-            if step < STEPS {
-                areas.insertion += (self.steering(left.as_ref(), speed)? - whole).abs();
-            }
+            areas.insertion += (self.steering(left.as_ref(), speed)? - whole).abs();
         }
+        areas.deletion += without;
         areas.deletion /= STEPS as f64;
         areas.insertion /= STEPS as f64;
         Ok(areas)
@@ -250,12 +262,13 @@ impl Curves {
             _ if independent < frames => "; in brackets 95 % intervals, paired by road",
             _ => "; in brackets 95 % intervals, paired by frame",
         };
-        format!(
-            "{rows}\n{over}: when what matters most is taken away first, more is better; when it comes back first, less is better; the last \
-             column has the difference of both, less that of the first method{intervals}\n\n{patches}\nsensitivity-n: the correlation of the map with the \
-             change of the steering when patches are taken away, more is better; infidelity: the share of that change which the map leaves \
-             unexplained, less is better"
-        )
+        let curves = format!(
+            "{over}: when what matters most is taken away first, more is better; when it comes back first, less is better; the last column has \
+             the difference of both, less that of the first method{intervals}"
+        );
+        let agreement = "sensitivity-n: the correlation of the map with the change of the steering when patches are taken away, more is better; \
+                         infidelity: the share of that change which the map leaves unexplained, less is better";
+        format!("{rows}\n{}\n\n{patches}\n{}", wrapped("", &curves), wrapped("", agreement))
     }
 }
 
@@ -307,6 +320,16 @@ fn mean_color(frame: Frame<'_>) -> [u8; 3] {
     sums.map(|sum| ((sum + count / 2) / count) as u8)
 }
 
+/// A frame of one colour, as large as another one.
+fn plain(frame: Frame<'_>, color: [u8; 3]) -> FrameBuf {
+    let mut plain = FrameBuf::new(frame.width(), frame.height());
+    plain
+        .as_mut()
+        .rows_mut()
+        .for_each(|row| row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&color)));
+    plain
+}
+
 /// The map mirrored or not, and moved around the frame, whose edges are joined.
 fn relocate(map: &[f32], width: usize, random: &mut Random) -> Vec<f32> {
     let height = map.len() / width;
@@ -325,6 +348,9 @@ fn relocate(map: &[f32], width: usize, random: &mut Random) -> Vec<f32> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use super::*;
     use pdk_sdk::prelude::Control;
 
@@ -358,8 +384,9 @@ mod tests {
                 (0..256).map(|at| if at % 16 < 8 && at / 16 < 8 { 1.0 } else { 0.0 }).collect();
             let opposite: Vec<f32> = map.iter().map(|value| 1.0 - value).collect();
             let shown = Shown { name: String::new(), frame, speed: None, road: None };
-            curves.add(0, &shown, &map, u64::from(index)).unwrap();
-            curves.add(1, &shown, &opposite, u64::from(index)).unwrap();
+            let seen = curves.see(&shown, u64::from(index)).unwrap();
+            curves.add(0, &seen, &map).unwrap();
+            curves.add(1, &seen, &opposite).unwrap();
         }
         let right = curves.found(0);
         assert!(right.deletion > 0.0 && right.insertion > 0.0);
@@ -418,9 +445,36 @@ mod tests {
         let mut curves =
             Curves { driver, place: "x".into(), speed: 0.0, seed: 1, measured: vec![Vec::new()] };
         let shown = Shown { name: String::new(), frame: FrameBuf::new(8, 8), speed: None, road: None };
-        curves.add(0, &shown, &[0.5; 64], 0).unwrap();
+        let seen = curves.see(&shown, 0).unwrap();
+        curves.add(0, &seen, &[0.5; 64]).unwrap();
         let found = curves.found(0);
         assert_eq!((found.deletion, found.insertion), (0.0, 0.0));
+    }
+
+    /// Counts the frames that it has seen.
+    struct Counts(Arc<AtomicUsize>);
+
+    impl Driver for Counts {
+        fn drive(&mut self, _: Frame<'_>, _: &DriveContext) -> Result<Control> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Ok(Control::default())
+        }
+    }
+
+    #[test]
+    fn what_no_map_changes_is_measured_once_a_frame() {
+        let count = Arc::new(AtomicUsize::new(0));
+        let driver = Box::new(Counts(count.clone()));
+        let measured = vec![Vec::new(), Vec::new()];
+        let mut curves = Curves { driver, place: "x".into(), speed: 0.0, seed: 1, measured };
+        let shown = Shown { name: String::new(), frame: FrameBuf::new(24, 16), speed: None, road: None };
+        let seen = curves.see(&shown, 0).unwrap();
+        let of_frame = count.swap(0, Ordering::Relaxed);
+        assert_eq!(of_frame, 2 + Patches::SETS);
+        for method in 0..2 {
+            curves.add(method, &seen, &[0.5; 24 * 16]).unwrap();
+            assert_eq!(count.swap(0, Ordering::Relaxed), (1 + MOVES) * 2 * (STEPS - 1));
+        }
     }
 
     #[test]

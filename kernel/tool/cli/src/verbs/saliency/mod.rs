@@ -37,7 +37,7 @@ pub struct Arguments {
     /// The driver whose view is shown, which runs a network, with its parameters
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
     driver: String,
-    /// A saliency method; may be given several times [default: the one that `pdk list saliency` says is used]
+    /// A saliency method; may be given several times [default: the one that `pdk list saliency` marks as the default]
     #[arg(long = "with", value_name = "NAME[,PARAMETER=VALUE]...")]
     methods: Vec<String>,
     /// The folder to write to
@@ -55,8 +55,8 @@ pub struct Arguments {
     /// Only this many frames of a folder, spread evenly over it
     #[arg(long, value_name = "N")]
     count: Option<usize>,
-    /// Also measure how faithful each method is: how the steering changes when what it marks is taken away, and when it is all
-    /// that is left, against the same maps in other places
+    /// Also measure how faithful each method is, by deletion, insertion, sensitivity-n and infidelity: how the steering changes when parts of the
+    /// frame are taken away, against the same maps in other places
     #[arg(long)]
     curves: bool,
     /// The seed that all random numbers come from
@@ -109,8 +109,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     for index in 0..frames.len() {
         let shown = frames.read(index)?;
         let Shown { name, frame, speed, .. } = &shown;
+        let at = format!("frame `{name}`");
+        let seen = curves.as_mut().map(|curves| curves.see(&shown, index as u64)).transpose();
+        let seen = seen.map_err(|error| error.at(&at))?;
         for (place, method) in methods.iter_mut().enumerate() {
-            let at = format!("frame `{name}`");
             let map = method.map(frame.as_ref(), index as u64, *speed).map_err(|error| error.at(&at))?;
             if map.iter().all(|value| *value == map[0]) {
                 note(
@@ -133,8 +135,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             files::write_npy(&file, &numbers, width)?;
             files::write_picture(&picture, frame.as_ref(), &map)?;
             written.extend([file, picture]);
-            if let Some(curves) = &mut curves {
-                curves.add(place, &shown, &map, index as u64).map_err(|error| error.at(&at))?;
+            if let (Some(curves), Some(seen)) = (&mut curves, &seen) {
+                curves.add(place, seen, &map).map_err(|error| error.at(&at))?;
             }
         }
         progress.inc(1);

@@ -30,6 +30,10 @@ pub struct Agreement {
 }
 
 impl Patches {
+    /// How many sets there are.
+    #[cfg(test)]
+    pub const SETS: usize = SIZES.len() * SETS;
+
     /// Draws sets, and measures each with `change`: by how much the steering changes if a frame like this is seen.
     ///
     /// # Errors
