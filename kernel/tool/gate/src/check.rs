@@ -1,10 +1,10 @@
 //! Whether a suite makes sense.
 
-use pdk_model::component::ComponentSpec;
 use pdk_model::described::Field;
 use pdk_model::level::Level;
 use pdk_model::outcome::{Measures, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::Scenario;
 use pdk_pipeline::readers::DatasetSpec;
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
@@ -57,11 +57,12 @@ pub fn check(suite: &Suite) -> Result<()> {
     for level in levels {
         Level::from_json("levels", &Value::from(*level))?;
     }
-    for place in places {
-        ComponentSpec::from_json("simulator", &place.simulator)?;
-        place.failure.check()?;
-        if place.duration.is_nan() || place.duration <= 0.0 {
-            return wrong(format!("`duration` is {} s, but has to be more than 0", place.duration));
+    for (number, place) in (1..).zip(places) {
+        let at = format!("[[place]] {number}");
+        let Scenario { duration, failure, .. } = place.scenario().map_err(|error| error.at(&at))?;
+        failure.check().map_err(|error| error.at(&at))?;
+        if duration.is_nan() || duration <= 0.0 {
+            return wrong(format!("{at}: `duration` is {duration} s, but has to be more than 0"));
         }
         let Roads { segments, segment, limit } = place.road;
         if !(2..=200).contains(&segments) || !(1.0..=1000.0).contains(&segment) || limit > 90 {

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::check::check;
 use crate::recording::{Open, Opened};
-use crate::series;
+use crate::series::{Series, order};
 use crate::suite::{ENDING, Suite};
 
 /// Bytes of a file that may be a suite.
@@ -86,7 +86,7 @@ impl Loaded {
     /// If one cannot be opened.
     pub fn open(&mut self, catalog: &Catalog, open: &mut Open<'_>) -> Result<()> {
         if self.suite.is_recorded() {
-            let mut random = series::order(&self.hash).sequence();
+            let mut random = order(&self.hash, Series::Drawn).sequence();
             self.opened = Opened::of(&self.suite, catalog, &mut random, open)?;
         }
         Ok(())
@@ -150,7 +150,23 @@ mod tests {
             ("nominal = 0.25", "nominal = 2", "`nominal` is 2, but has to be from 0 to 1"),
             ("tolerated = 0.2", "tolerated = 0", "have to lie between 0 and 1"),
             ("segments = 4", "segments = 1", "a road has 1 segments"),
-            ("duration = 12", "duration = 0", "`duration` is 0 s"),
+            ("duration = 12", "duration = 0", "[[place]] 1: `duration` is 0 s"),
+            (
+                "duration = 12",
+                "durration = 12",
+                "[[place]] 1: there is no field `durration`; did you mean `duration`?",
+            ),
+            (
+                "duration = 12",
+                "seed = 12",
+                "[[place]] 1: there is no field `seed`; there are simulator, duration, failure, mode, road",
+            ),
+            ("duration = 12", "mode = \"slow\"", "[[place]] 1: unknown variant `slow`"),
+            (
+                "simulator =",
+                "simulato =",
+                "[[place]] 1: there is no field `simulato`; did you mean `simulator`?",
+            ),
             ("name = \"small\"", "name = \"a b\"", "`name` is `a b`"),
             ("pairs = 50", "pairs = 0", "have to be from 1 to 1000000"),
         ] {

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use blake3::Hasher;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::seed::Key;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -56,17 +57,23 @@ impl<'de> Deserialize<'de> for Series {
 }
 
 /// The key of the order in which the blocks of recordings are looked at.
-pub fn order(hash: &str) -> Key {
-    key(hash, Series::Drawn, usize::MAX)
+pub fn order(hash: &str, series: Series) -> Key {
+    Key(*named("pdk suite order of blocks, version 1", hash, series).finalize().as_bytes())
 }
 
 /// The stream of draws of a scenario.
 pub fn key(hash: &str, series: Series, number: usize) -> Key {
-    let mut hasher = blake3::Hasher::new_derive_key("pdk suite scenario, version 1");
+    let mut hasher = named("pdk suite scenario, version 1", hash, series);
+    hasher.update(&(number as u64).to_le_bytes());
+    Key(*hasher.finalize().as_bytes())
+}
+
+/// A hasher for this purpose that has taken the suite's hash and a series.
+fn named(purpose: &str, hash: &str, series: Series) -> Hasher {
+    let mut hasher = Hasher::new_derive_key(purpose);
     for part in [hash, &series.to_string()] {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
     }
-    hasher.update(&(number as u64).to_le_bytes());
-    Key(*hasher.finalize().as_bytes())
+    hasher
 }

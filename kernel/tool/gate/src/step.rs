@@ -1,7 +1,6 @@
 //! The scenarios of a suite in the order in which they are looked at. Each follows from the hash of the suite and its number, so it is the
 //! same on every machine and for every driver, and each that is drawn has a road, a perturbation, a level and luck of its own.
 
-use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_road::{MapBox, Road};
@@ -12,9 +11,9 @@ use serde_json::{Value, json};
 use crate::loaded::Loaded;
 use crate::recording::Block;
 use crate::requirement::Kind;
-use crate::series::{Series, key};
+use crate::series::{Series, key, order};
 use crate::stretch::Stretch;
-use crate::suite::{Place, Roads, Suite};
+use crate::suite::{Roads, Suite};
 
 /// How many roads are drawn until one is valid.
 const ATTEMPTS: usize = 10_000;
@@ -95,7 +94,8 @@ pub fn step(loaded: &Loaded, series: Series, number: usize) -> Result<Step> {
     let seed = random.next_u64() >> 11;
     let (perturbation, applied) = perturbed(suite, series, &mut random)?;
     let level = level_of(applied.as_ref());
-    let scenario = scenario(place, road, applied, seed)?;
+    let perturbations = applied.into_iter().collect();
+    let scenario = Scenario { road, perturbations, seed, ..place.scenario()? };
     Ok(Step { series, number, perturbation, level, place: None, scenario })
 }
 
@@ -104,7 +104,7 @@ fn of_recording(loaded: &Loaded, series: Series, number: usize, random: &mut Ran
     let opened = &loaded.opened;
     let (block, place) = match series {
         Series::Requirement(_) => {
-            let mut order = key(&loaded.hash, series, usize::MAX).sequence();
+            let mut order = order(&loaded.hash, series).sequence();
             (opened.drawn_apart(number, &mut order), None)
         }
         _ => {
@@ -189,25 +189,14 @@ fn required_perturbation(suite: &Suite, place: usize) -> Result<Drawn> {
     Ok((at.clone(), applied))
 }
 
-fn scenario(place: &Place, road: Value, applied: Option<AppliedPerturbation>, seed: u64) -> Result<Scenario> {
-    Ok(Scenario {
-        simulator: ComponentSpec::from_json("simulator", &place.simulator)?,
-        road,
-        perturbations: applied.into_iter().collect(),
-        duration: place.duration,
-        failure: place.failure,
-        mode: place.mode.unwrap_or_default(),
-        seed,
-        ..Scenario::default()
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
     use crate::fixture::{RECORDED, SMALL, open_recorded, suite};
+    use crate::suite::Place;
+    use pdk_model::scenario::Mode;
 
     #[test]
     fn scenarios_follow_from_the_contents_and_their_number() {
@@ -229,6 +218,36 @@ mod tests {
         );
         let other = suite(&SMALL.replace("version = 1", "version = 2")).unwrap();
         assert_ne!(step(&other, Series::Drawn, 17).unwrap().scenario.seed, all[17].scenario.seed);
+    }
+
+    #[test]
+    fn a_drawn_scenario_has_all_that_its_place_says() {
+        let place = "duration = 12\nmode = \"realtime\"\nfailure = { lane_departure = 4 }";
+        let loaded = suite(&SMALL.replace("duration = 12", place)).unwrap();
+        let drawn = step(&loaded, Series::Drawn, 17).unwrap().scenario;
+        // A field that scenarios get is either drawn or has to come from the place, and does not compile until it stands here.
+        let Scenario {
+            simulator,
+            duration,
+            failure,
+            mode,
+            driver,
+            road,
+            perturbations: _,
+            seed,
+            repeat,
+            files,
+        } = drawn;
+        assert_eq!((simulator.to_string().as_str(), duration), ("flat (light=dusk)", 12.0));
+        assert_eq!((failure.lane_departure, mode), (Some(4.0), Mode::Realtime));
+        assert!(driver.name.is_empty() && repeat == 0 && files.is_empty());
+        assert!(road["angles"].is_array() && seed > 0);
+        assert_eq!(Place::known().collect::<Vec<_>>(), ["simulator", "duration", "failure", "mode"]);
+        // A name is a simulator with its defaults, and time has its default, too.
+        let simulator = "simulator = { name = \"flat\", light = \"dusk\" }";
+        let plain = SMALL.replace(simulator, "simulator = \"flat\"").replace("duration = 12", "");
+        let drawn = step(&suite(&plain).unwrap(), Series::Drawn, 0).unwrap().scenario;
+        assert_eq!((drawn.simulator.to_string().as_str(), drawn.duration), ("flat", DEFAULT_DURATION));
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! A suite: which scenarios there are, and what is required of a driver in them. It is a file in TOML with a name and a version.
 
-use pdk_model::failure::FailureCriteria;
+use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::{DEFAULT_DURATION, Mode, Scenario};
+use pdk_model::scenario::{DEFAULT_DURATION, Scenario};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::suggest;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -58,26 +59,50 @@ fn is_zero(number: &f64) -> bool {
 
 /// A simulator with the roads that are drawn for it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Place {
-    /// The simulator, by its name or as a table.
-    pub simulator: Value,
+    /// What the scenarios that are drawn for it have besides, as records have it; the simulator may also be a name.
+    #[serde(flatten)]
+    pub fields: Map<String, Value>,
     /// Its roads.
     #[serde(default)]
     pub road: Roads,
-    /// The time limit in seconds of simulation time.
-    #[serde(default = "default_duration")]
-    pub duration: f64,
-    /// What counts as a failure.
-    #[serde(default)]
-    pub failure: FailureCriteria,
-    /// Whether the simulator waits for the driver; it does if it can.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mode: Option<Mode>,
 }
 
-fn default_duration() -> f64 {
-    DEFAULT_DURATION
+/// Fields of a scenario that are drawn for it or follow from others, so that a place cannot have them.
+const DRAWN: [&str; 6] = ["driver", "road", "perturbations", "seed", "repeat", "files"];
+
+impl Place {
+    /// The fields that a place can have besides `road`.
+    pub fn known() -> impl Iterator<Item = &'static str> + Clone {
+        Scenario::FIELDS.iter().map(|field| field.name).filter(|name| !DRAWN.contains(name))
+    }
+
+    /// A scenario for it, without a road, perturbations and a driver.
+    ///
+    /// # Errors
+    /// If its fields are not those of a scenario.
+    pub fn scenario(&self) -> Result<Scenario> {
+        if let Some(unknown) = self.fields.keys().find(|name| !Self::known().any(|known| known == *name)) {
+            return Err(Error::new(format!(
+                "there is no field `{unknown}`; {}",
+                suggest::hint(unknown, Self::known().chain(["road"]))
+            )));
+        }
+        let mut table = self.fields.clone();
+        let simulator =
+            table.get("simulator").ok_or_else(|| Error::new("it has no `simulator`; name one"))?;
+        let simulator = ComponentSpec::from_json("simulator", simulator)?;
+        table.insert("simulator".to_owned(), serde_json::to_value(simulator)?);
+        table.entry("duration").or_insert_with(|| DEFAULT_DURATION.into());
+        table.insert("seed".to_owned(), 0.into());
+        of_table(table)
+    }
+}
+
+/// A scenario in a table of a suite, which names no driver.
+fn of_table(mut table: Map<String, Value>) -> Result<Scenario> {
+    table.insert("driver".to_owned(), serde_json::json!({"name": ""}));
+    serde_json::from_value(Value::Object(table)).map_err(|error| Error::new(error.to_string()))
 }
 
 /// How roads are drawn.
@@ -160,7 +185,7 @@ impl Suite {
     /// If it is not one.
     pub fn fixed(&self, number: usize) -> Result<Scenario> {
         let place = || format!("[[scenario]] {}", number + 1);
-        let mut table = self.scenarios.get(number).cloned().unwrap_or_default();
+        let table = self.scenarios.get(number).cloned().unwrap_or_default();
         let known = Scenario::FIELDS.iter().map(|field| field.name);
         if let Some(unknown) =
             table.keys().find(|key| *key == "driver" || !known.clone().any(|known| known == **key))
@@ -170,9 +195,7 @@ impl Suite {
                 place()
             )));
         }
-        table.insert("driver".to_owned(), serde_json::json!({"name": ""}));
-        serde_json::from_value(Value::Object(table))
-            .map_err(|error| Error::new(format!("{}: {error}", place())))
+        of_table(table).map_err(|error| error.at(place()))
     }
 
     /// Whether scenarios are drawn.
