@@ -107,7 +107,7 @@ pub struct Luck {
     pub scenarios: usize,
     /// How many verdicts led by less than two drives in the end.
     pub unstable: usize,
-    /// The probability that a second drive of the same scenario by the old driver comes out otherwise than the first.
+    /// The probability that a second drive of the same scenario by the old driver comes out differently from the first.
     pub old: Chance,
     /// That of the new driver.
     pub new: Chance,
@@ -123,7 +123,7 @@ pub struct Luck {
     /// How often both fail under perturbations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fails_perturbed: Option<Chance>,
-    /// The probability that a drive of the old driver comes out otherwise than one of the new driver.
+    /// The probability that a drive of the old driver comes out differently from one of the new driver.
     pub drivers: Chance,
     /// How much of that is more than luck.
     pub beyond: Chance,
@@ -181,7 +181,7 @@ impl Luck {
     /// What it says, a sentence each.
     pub fn sentences(&self) -> Vec<String> {
         let mut sentences = vec![format!(
-            "the simulator does not repeat itself: a second drive of the same scenario comes out otherwise with a probability of {} for the \
+            "the simulator does not repeat itself: a second drive of the same scenario comes out differently with a probability of {} for the \
              old driver and {} for the new one (95 %), in {} scenarios; {} verdicts were not stable in the end",
             self.old.text(),
             self.new.text(),
@@ -200,7 +200,7 @@ impl Luck {
             ));
         }
         sentences.push(format!(
-            "a drive of the new driver comes out otherwise than one of the old driver in {}; {} of these points are more than luck",
+            "a drive of the new driver comes out differently from one of the old driver in {}; {} of these points are more than luck",
             self.drivers.text(),
             format_args!(
                 "{:+.0} ({:+.0} to {:+.0})",

@@ -299,7 +299,7 @@ impl Settled<'_> {
     }
 }
 
-/// Gives entries to their drivers again, and says which come out otherwise.
+/// Gives entries to their drivers again, and says which come out differently.
 fn repeat(
     session: &mut Session,
     verdict: &Verdict,

@@ -11,7 +11,7 @@ use pdk_statistics::paired::{Paired, compare};
 use serde::Serialize;
 
 use crate::tally::{Tally, by_severity};
-use crate::text::percent;
+use crate::text::{p_value, percent, signed_percent};
 use crate::view::{Drive, Verdict};
 
 /// What a share can be.
@@ -183,13 +183,11 @@ pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
 /// A difference as texts; empty if there is none.
 pub fn difference(paired: Option<Paired>) -> Difference {
     let Some(Paired { difference, effect_size, p, .. }) = paired else { return Difference::default() };
-    let signed =
-        |share: f64| format!("{:+.0} %", share * 100.0).replace("-0 %", "0 %").replace("+0 %", "0 %");
     Difference {
-        value: signed(difference.value),
-        interval: interval(&difference, |share| format!("{:.0} %", share * 100.0)),
+        value: signed_percent(difference.value),
+        interval: interval(&difference, percent),
         effect_size: format!("{effect_size:.2}"),
-        p: if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") },
+        p: p_value(p),
     }
 }
 

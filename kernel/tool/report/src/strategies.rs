@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::color::LINES;
 use crate::curve::{Axes, Chart, Curve, chart};
-use crate::text::{number, short};
+use crate::text::{number, p_value, short};
 use crate::view::{Reached, Search};
 
 /// What the page says about several searches in the same setting.
@@ -92,7 +92,7 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
                 true => None,
                 false => independent::compare(&found, &values(&strategies[first].1, measure)),
             };
-            let compared = compared.map(|c| format!("A {:.2}, p {}", c.effect_size, probability(c.p)));
+            let compared = compared.map(|c| format!("A {:.2}, p {}", c.effect_size, p_value(c.p)));
             (spread(&found), compared.unwrap_or_default())
         };
         Row { strategy: (*name).to_owned(), searches: own.len(), cells: measures.iter().map(cell).collect() }
@@ -192,10 +192,6 @@ fn spread(values: &[f64]) -> String {
         1 => shown(sorted[0]),
         count => format!("{} ({} to {})", shown(median(&sorted)), shown(sorted[0]), shown(sorted[count - 1])),
     }
-}
-
-fn probability(p: f64) -> String {
-    if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") }
 }
 
 #[cfg(test)]

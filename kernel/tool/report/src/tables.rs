@@ -3,7 +3,7 @@
 use crate::closed_loop::failing::{failing, highest};
 use crate::conclusions::conclusions;
 use crate::heat::{Cell as HeatCell, Grid};
-use crate::text::{level, number, percent, short};
+use crate::text::{level, number, p_value, percent, short, signed, signed_percent};
 use crate::view::{Drive, Evaluation, Run};
 use crate::{closed_loop, compare, offline, road, tasks};
 use pdk_sdk::error::Result;
@@ -183,8 +183,6 @@ fn of_grid(name: &str, title: &str, grid: &Grid) -> Table {
 /// How sure differences are; none on one road.
 fn certainty(drive: &Drive, suffix: &str, of: &str) -> Option<Table> {
     let found = conclusions(drive);
-    let signed = |value: f64| format!("{:+.0} %", value * 100.0);
-    let p = |value: f64| if value < 0.001 { "< 0.001".to_owned() } else { format!("{value:.3}") };
     let rows: Vec<Vec<Cell>> = found
         .rows
         .iter()
@@ -199,11 +197,11 @@ fn certainty(drive: &Drive, suffix: &str, of: &str) -> Option<Table> {
                 Cell::known(figures.share.map(|share| share.value), percent),
                 Cell::known(figures.share.map(|share| share.low), percent),
                 Cell::known(figures.share.map(|share| share.high), percent),
-                Cell::known(paired.map(|paired| paired.difference.value), signed),
-                Cell::known(paired.map(|paired| paired.difference.low), signed),
-                Cell::known(paired.map(|paired| paired.difference.high), signed),
+                Cell::known(paired.map(|paired| paired.difference.value), signed_percent),
+                Cell::known(paired.map(|paired| paired.difference.low), signed_percent),
+                Cell::known(paired.map(|paired| paired.difference.high), signed_percent),
                 Cell::known(paired.map(|paired| paired.effect_size), number),
-                Cell::known(paired.map(|paired| paired.p), p),
+                Cell::known(paired.map(|paired| paired.p), p_value),
             ]
         })
         .collect();
@@ -223,19 +221,17 @@ fn certainty(drive: &Drive, suffix: &str, of: &str) -> Option<Table> {
 /// By how much a driver differs from another one; none if they have nothing in common.
 fn compared(base: &Drive, other: &Drive, suffix: &str) -> Option<Table> {
     let found = compare::comparison(base, other)?;
-    let signed = |value: f64| format!("{:+.0} %", value * 100.0);
-    let p = |value: f64| if value < 0.001 { "< 0.001".to_owned() } else { format!("{value:.3}") };
     let row = |row: &compare::Row| {
         let (base, other, paired) = &row.figures;
         vec![
             Cell::text(&row.perturbation),
             Cell::number(*base, percent),
             Cell::number(*other, percent),
-            Cell::number(paired.difference.value, signed),
-            Cell::number(paired.difference.low, signed),
-            Cell::number(paired.difference.high, signed),
+            Cell::number(paired.difference.value, signed_percent),
+            Cell::number(paired.difference.low, signed_percent),
+            Cell::number(paired.difference.high, signed_percent),
             Cell::number(paired.effect_size, number),
-            Cell::number(paired.p, p),
+            Cell::number(paired.p, p_value),
             Cell::count(paired.roads),
         ]
     };
@@ -263,7 +259,6 @@ fn compared(base: &Drive, other: &Drive, suffix: &str) -> Option<Table> {
 /// By how much the errors of two drivers on the same frames differ; none if they have no frame in common.
 fn compared_offline(base: &Evaluation, other: &Evaluation, suffix: &str) -> Option<Table> {
     let found = offline::compare::comparison(base, other)?;
-    let signed = |value: f64| format!("{value:+.3}");
     let finite = |end: f64| Cell::known(Some(end).filter(|end| end.is_finite()), signed);
     let row = |row: &offline::compare::Row| {
         let figures = &row.figures;

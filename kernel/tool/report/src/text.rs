@@ -26,6 +26,23 @@ pub fn percent(share: f64) -> String {
     format!("{:.0} %", share * 100.0)
 }
 
+/// A difference with its sign; one that is shown as zero has none.
+pub fn signed(value: f64) -> String {
+    let text = format!("{value:+.3}");
+    if text.trim_start_matches(['+', '-']) == "0.000" { "0.000".to_owned() } else { text }
+}
+
+/// A difference of shares in points of percent with its sign; one that is shown as zero has none.
+pub fn signed_percent(share: f64) -> String {
+    let text = format!("{:+.0} %", share * 100.0);
+    if text.trim_start_matches(['+', '-']) == "0 %" { "0 %".to_owned() } else { text }
+}
+
+/// A probability of a test.
+pub fn p_value(p: f64) -> String {
+    if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") }
+}
+
 /// `1 scenario`, `2 scenarios`.
 pub fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
@@ -120,6 +137,12 @@ mod tests {
             ["0.052", "2.02", "-31.3", "315"]
         );
         assert_eq!(number(f64::NAN), "–");
+        assert_eq!([signed(0.25), signed(-0.25), signed(-0.0004)], ["+0.250", "-0.250", "0.000"]);
+        assert_eq!(
+            [signed_percent(0.1), signed_percent(-0.1), signed_percent(-0.004)],
+            ["+10 %", "-10 %", "0 %"]
+        );
+        assert_eq!([p_value(0.0004), p_value(0.05)], ["< 0.001", "0.050"]);
         assert_eq!([count(1, "road"), count(0, "road")], ["1 road", "0 roads"]);
     }
 }

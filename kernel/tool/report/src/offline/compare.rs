@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::color::Hue;
 use crate::heat::{self, Cell, Columns, Entry, Grid, Ramp};
 use crate::offline::by_severity;
-use crate::text::{count, number, percent, short};
+use crate::text::{count, number, percent, short, signed};
 use crate::view::{Evaluation, EvaluationCell};
 
 /// A driver beside the one that it is compared with.
@@ -73,12 +73,6 @@ impl Figures {
             false => String::new(),
         }
     }
-}
-
-/// A difference with its sign; one that is shown as zero has none.
-fn signed(value: f64) -> String {
-    let text = format!("{value:+.3}");
-    if text.trim_start_matches(['+', '-']) == "0.000" { "0.000".to_owned() } else { text }
 }
 
 /// The evaluations that are compared: each with the first on the same recording, if that is one of another driver.
