@@ -4,10 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
-use pdk_model::component::{ComponentSpec, ENGINE};
 use pdk_model::outcome::Verdict;
 use pdk_record::ledger::Line;
 use pdk_report::Evaluation;
+use pdk_report::named::Named;
 use pdk_sdk::error::{Error, Result};
 use pdk_statistics::CONFIDENCE;
 use pdk_statistics::drives::{Drives, share_over_roads};
@@ -143,12 +143,7 @@ pub fn odd(domain: &Domain, record: &str, lines: &[Line], evaluations: &[Evaluat
     let (mut attributes, mut triggers) = (BTreeMap::new(), BTreeMap::new());
     let mut unlisted = BTreeSet::new();
     let mut drivers = BTreeSet::new();
-    // Who ran the networks tells drivers apart only if several did.
-    let engines: BTreeSet<_> = lines
-        .iter()
-        .map(|line| line.scenario.driver.parameters.get(ENGINE).map(ToString::to_string))
-        .collect();
-    let one_engine = engines.iter().flatten().count() <= 1;
+    let named = Named::of(lines.iter().map(|line| &line.scenario.driver));
     for line in lines {
         let meaning = domain.of_perturbations(&line.scenario);
         unlisted.extend(meaning.unlisted.iter().cloned());
@@ -156,7 +151,7 @@ pub fn odd(domain: &Domain, record: &str, lines: &[Line], evaluations: &[Evaluat
         if verdict == Verdict::Void {
             continue;
         }
-        let driver = named(&line.scenario.driver, one_engine);
+        let driver = named.name(&line.scenario.driver);
         drivers.insert(driver.clone());
         count(&mut attributes, &meaning.attributes, line, &driver, verdict.failed());
         count(&mut triggers, &meaning.triggers, line, &driver, verdict.failed());
@@ -198,15 +193,6 @@ pub fn odd(domain: &Domain, record: &str, lines: &[Line], evaluations: &[Evaluat
         triggers: rows(&domain.triggers, triggers),
         unlisted,
     }
-}
-
-/// A driver as tables have it.
-fn named(driver: &ComponentSpec, one_engine: bool) -> String {
-    let mut driver = driver.clone();
-    if one_engine {
-        driver.parameters.shift_remove(ENGINE);
-    }
-    driver.to_string()
 }
 
 /// Notes what a simulator showed under a perturbation.
@@ -309,22 +295,23 @@ pub fn html(odd: &Odd) -> Result<String> {
     environment.add_template("odd.html", include_str!("template/odd.html")).map_err(place)?;
     let counted = |rows: &[Row], what: &str| {
         let of = |state: State| rows.iter().filter(|row| row.state == state).count();
-        let driven = of(State::Failed) + of(State::Passed);
+        let was = |count: usize| if count == 1 { "1 was".to_owned() } else { format!("{count} were") };
         let more = [
-            (State::Perturbed, "were shown under perturbations only"),
-            (State::Recorded, "were seen on recordings only"),
+            (State::Perturbed, "shown under perturbations only"),
+            (State::Recorded, "seen on recordings only"),
         ];
-        let more: String = more
-            .iter()
-            .filter(|(state, _)| of(*state) > 0)
-            .map(|(state, words)| format!("{} {words}, ", of(*state)))
-            .collect();
-        format!(
-            "Of {} {what}, {driven} were driven, with failures in {}; {more}{} are open.",
-            rows.len(),
-            of(State::Failed),
-            of(State::Open)
-        )
+        let more = more.iter().filter(|(state, _)| of(*state) > 0);
+        let more: String = more.map(|(state, words)| format!("{} {words}, ", was(of(*state)))).collect();
+        let failures = match of(State::Failed) {
+            0 => "without failures".to_owned(),
+            failed => format!("with failures in {failed}"),
+        };
+        let open = match of(State::Open) {
+            1 => "1 is".to_owned(),
+            open => format!("{open} are"),
+        };
+        let driven = was(of(State::Failed) + of(State::Passed));
+        format!("Of {} {what}, {driven} driven, {failures}; {more}{open} open.", rows.len())
     };
     let page = context! {
         title => odd.record,
@@ -425,9 +412,14 @@ mod tests {
         assert_eq!((dark.drivers[0].scenarios, dark.drivers[0].driven_to), (1, None));
         let without = odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines[..3], &[]);
         assert!(without.attributes[1].state == State::Perturbed && without.attributes[1].drivers.is_empty());
+        let page = html(&without).unwrap();
+        let sentence = "Of 3 attributes, 1 was driven, with failures in 1; 1 was shown under perturbations only, 1 is open.";
+        assert!(page.contains(sentence), "{page}");
+        let page = html(&odd(&Domain::parse(SMALL).unwrap(), "runs/a", &lines[4..5], &[])).unwrap();
+        assert!(page.contains("Of 3 attributes, 1 was driven, without failures; 2 are open."), "{page}");
         assert_eq!(found.unlisted.iter().collect::<Vec<_>>(), ["own"]);
         let page = html(&found).unwrap();
-        assert!(page.contains("Of 3 attributes, 2 were driven, with failures in 1; 1 are open."), "{page}");
+        assert!(page.contains("Of 3 attributes, 2 were driven, with failures in 1; 1 is open."), "{page}");
         assert!(page.contains("fog &amp; mist") && page.contains("&lt;x&gt;") && !page.contains("<x>"));
         assert!(page.contains("It claims no conformity"), "{page}");
     }

@@ -19,6 +19,7 @@
 //! | `page` | puts the page together; `overview`, `closed_loop`, `offline`, `search` and `strategies` make its parts |
 //! | `tracks`, `heat`, `curve`, `scatter`, `road` | estimates, heat maps, curves, points and roads as pictures; `color` has their colours |
 //! | `tally`, `conclusions`, `compare` | how scenarios went together, how sure what follows from it is, and how two drivers differ |
+//! | [`named`] | what tables call drivers |
 //! | `text` | numbers, dates and addresses |
 //! | `parallel` | work on all processors |
 //!
@@ -32,6 +33,7 @@ mod conclusions;
 mod curve;
 pub mod figures;
 mod heat;
+pub mod named;
 mod offline;
 mod overview;
 mod page;

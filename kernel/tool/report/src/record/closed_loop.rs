@@ -1,32 +1,24 @@
 //! Scenarios as a page shows them, as far as the ledger tells; their traces tell the rest.
 
-use std::collections::BTreeSet;
 use std::path::Path;
 
 use pdk_model::canonical::canonical;
-use pdk_model::component::ENGINE;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Mode;
 use pdk_record::ledger::Line;
 use pdk_terminal::shell;
 
 use super::clips::ClipFolder;
+use crate::named::Named;
 use crate::view::{Drive, Scenario};
 
 /// The scenarios of each simulator, driver and mode, in the order in which these come first. The number of a scenario is its
 /// place among the lines.
 pub fn drives(lines: &[Line], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
     let mut drives: Vec<Drive> = Vec::new();
-    // Who ran a network tells drives apart only if several did.
-    let engine = |line: &Line| line.scenario.driver.parameters.get(ENGINE).cloned();
-    let one_engine =
-        lines.iter().filter_map(engine).map(|engine| engine.to_string()).collect::<BTreeSet<_>>().len() < 2;
+    let named = Named::of(lines.iter().map(|line| &line.scenario.driver));
     for (number, line) in (0..).zip(lines) {
-        let mut driver = line.scenario.driver.clone();
-        if one_engine {
-            driver.parameters.shift_remove(ENGINE);
-        }
-        let (simulator, driver) = (line.scenario.simulator.to_string(), driver.to_string());
+        let (simulator, driver) = (line.scenario.simulator.to_string(), named.name(&line.scenario.driver));
         let mode = match line.scenario.mode {
             Mode::Lockstep => "lockstep",
             Mode::Realtime => "real time",

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 
-use pdk_model::component::ENGINE;
 use pdk_record::directory::{RESULTS, RunDirectory};
 use pdk_record::manifest::EvaluationRecord;
 use pdk_sdk::error::{Error, Place, Result};
@@ -14,6 +13,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::under_way::UnderWay;
+use crate::named::Named;
 use crate::view::{Evaluation, EvaluationCell, Task, WorstFrame};
 
 /// Frames in the table of the worst.
@@ -159,16 +159,8 @@ impl Sums {
 
     fn finish(self, number: u64, told: &[EvaluationRecord]) -> Evaluation {
         let own = told.get(number as usize).cloned();
-        // Who ran the networks tells them apart only if several did.
-        let engine = |record: &EvaluationRecord| record.driver.parameters.get(ENGINE).cloned();
-        let one_engine = told.iter().all(|record| told.first().map(engine) == Some(engine(record)));
-        let driver = own.as_ref().map(|record| {
-            let mut driver = record.driver.clone();
-            if one_engine {
-                driver.parameters.shift_remove(ENGINE);
-            }
-            driver.to_string()
-        });
+        let named = Named::of(told.iter().map(|record| &record.driver));
+        let driver = own.as_ref().map(|record| named.name(&record.driver));
         let frames = self.original.len();
         let mut worst: Vec<_> = self.worst.into_values().collect();
         worst.sort_by(|(a, _), (b, _)| b.total_cmp(a));
