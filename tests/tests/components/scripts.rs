@@ -181,13 +181,36 @@ fn a_cache_passes_and_what_changes_without_an_effect_is_noted() {
         checked.stdout
     );
     assert!(checked.stdout.contains(
-        "note add `family`, `mathematics` and `source`; `pdk --plugins . show counts` prints them"
+        "note `counts` does not say its `family`, `mathematics` and `source`; add them, and `pdk --plugins . show counts` shows them"
     ));
     Pdk::new(["--plugins", ".", "show", "counts"]).folder(folder.path()).succeed();
-    let hint = "for counts.lua in this folder, write `pdk --plugins . show counts`";
-    Pdk::new(["show", "counts"]).folder(folder.path()).fail(1, &[hint]);
     let json = Pdk::new(["check", "--json", "counts.lua"]).folder(folder.path()).succeed().json();
     assert_eq!(json["notes"].as_array().unwrap().len(), 2, "{json}");
+}
+
+#[test]
+fn the_name_of_a_script_is_answered_with_the_command_that_shows_it() {
+    let folder = temp();
+    let inner = folder.path().join("of mine");
+    std::fs::create_dir(&inner).unwrap();
+    for file in [folder.path().join("dims.lua"), inner.join("dims.lua")] {
+        std::fs::write(file, "return { doc = 'x', apply = function(image) image:grayscale() end }").unwrap();
+    }
+    std::fs::write(folder.path().join("broken.lua"), "return {").unwrap();
+    let hint = |arguments: &[&str], hint: &str| {
+        Pdk::new(arguments.iter().copied()).folder(folder.path()).fail(1, &[hint]);
+    };
+    hint(&["show", "dims"], "for dims.lua, write `pdk --plugins . show dims`");
+    hint(&["show", "dims.lua", "--json"], "for dims.lua, write `pdk --plugins . show dims --json`");
+    hint(&["show", "of mine/dims"], "for 'of mine/dims.lua', write `pdk --plugins 'of mine' show dims`");
+    // A folder that is searched already has a script that cannot be used.
+    hint(
+        &["--plugins", ".", "show", "broken"],
+        "`pdk check broken.lua` reports what is wrong with broken.lua",
+    );
+    Pdk::new(["--plugins", "of mine", "show", "dims"]).folder(folder.path()).succeed();
+    let checked = Pdk::new(["check", "of mine/dims.lua"]).folder(folder.path()).succeed();
+    assert!(checked.stdout.contains("`pdk --plugins 'of mine' show dims` shows them"), "{}", checked.stdout);
 }
 
 #[test]

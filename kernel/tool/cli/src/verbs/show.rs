@@ -9,6 +9,7 @@ use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Geometry, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::suggest;
+use pdk_terminal::shell;
 use pdk_terminal::text::wrapped;
 use serde_json::json;
 
@@ -45,11 +46,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let found: Vec<_> = all().filter(|component| component.description.name == arguments.name).collect();
     if found.is_empty() {
         let names: Vec<_> = all().map(|component| component.description.name.as_str()).collect();
-        let script = format!("{}.lua", arguments.name);
-        let hint = match Path::new(&script).is_file() {
-            true => format!("for {script} in this folder, write `pdk --plugins . show {}`", arguments.name),
-            false => suggest::hint(&arguments.name, names.iter().copied()),
-        };
+        let hint = of_script(global, &arguments.name)
+            .unwrap_or_else(|| suggest::hint(&arguments.name, names.iter().copied()));
         return Err(Error::new(format!("there is no component `{}`; {hint}", arguments.name)));
     }
     if global.json {
@@ -63,6 +61,28 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         print(component);
     }
     Ok(())
+}
+
+/// What to do if the name is that of a script, with its ending or without, in a folder that is not searched, or that is searched in vain; none
+/// if there is no such script.
+fn of_script(global: &Global, name: &str) -> Option<String> {
+    let script = PathBuf::from(if name.ends_with(".lua") { name.to_owned() } else { format!("{name}.lua") });
+    let stem = script.file_stem().filter(|_| script.is_file())?;
+    let folder = folder_of(&script);
+    let [file, shown] = [&*script, folder].map(|path| shell::quoted(&path.to_string_lossy()));
+    let place = folder.canonicalize().ok();
+    if global.plugins.iter().any(|searched| place.is_some() && searched.canonicalize().ok() == place) {
+        return Some(format!("`pdk check {file}` reports what is wrong with {file}"));
+    }
+    // The command as it was typed, with the folder.
+    let typed = std::env::args_os().skip(1).map(|word| if word == name { stem.to_owned() } else { word });
+    let typed: Vec<_> = typed.map(|word| shell::quoted(&word.to_string_lossy())).collect();
+    Some(format!("for {file}, write `pdk --plugins {shown} {}`", typed.join(" ")))
+}
+
+/// The folder of a script, as `--plugins` takes it.
+pub fn folder_of(script: &Path) -> &Path {
+    script.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn print(component: &Entry) {

@@ -11,7 +11,9 @@ use pdk_sdk::history::Recollection;
 use pdk_sdk::perturbation;
 use pdk_sdk::prelude::{Context, FrameBuf, Key, Perturbation};
 use pdk_sdk::testing::sample_frame;
+use pdk_terminal::shell;
 
+use super::super::show::folder_of;
 use super::{Arguments, LOADING, Report, known, parameters, report, step};
 
 /// How many frames of a sequence are compared with the same frames alone.
@@ -46,14 +48,14 @@ pub fn work(arguments: &Arguments, skipped: usize) {
     let Ok(all) = parameters(&description, &arguments.values) else { return };
     for (parameters, name) in all {
         type Check = fn(&Script<'_>) -> Result<()>;
-        let checks: [(&str, Check); 3] = [
-            ("at odd sizes, twice", |script| script.sizes()),
-            ("alone and in a sequence", |script| script.sequence()),
-            ("as any perturbation", |script| script.rules()),
-        ];
         // Of what does not change frames, the rules of any perturbation say all of it.
-        let checks = &checks[if description.acts_on.is_frame() { 0 } else { checks.len() - 1 }..];
-        for (what, check) in checks {
+        let of_frames = description.acts_on.is_frame();
+        let checks: [(&str, bool, Check); 3] = [
+            ("at odd sizes, twice", of_frames, |script| script.sizes()),
+            ("alone and in a sequence", of_frames, |script| script.sequence()),
+            ("as any perturbation", true, |script| script.rules()),
+        ];
+        for (what, _, check) in checks.into_iter().filter(|(_, applies, _)| *applies) {
             number += 1;
             if number > skipped {
                 step(&format!("{name} {what}"), || {
@@ -86,12 +88,12 @@ fn unsaid(description: &Description, file: &Path) -> Option<String> {
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
     };
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(file).to_string_lossy();
+    let [folder, name] = [&*folder, description.name.as_str()].map(shell::quoted);
+    let them = if missing.contains(' ') { "them" } else { "it" };
     Some(format!(
-        "add {missing}; `pdk --plugins {} show {}` prints {}",
-        folder.display(),
-        description.name,
-        if missing.contains(' ') { "them" } else { "it" }
+        "`{}` does not say its {missing}; add {them}, and `pdk --plugins {folder} show {name}` shows {them}",
+        description.name
     ))
 }
 
