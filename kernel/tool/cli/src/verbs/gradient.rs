@@ -6,10 +6,11 @@ use pdk_notice::println;
 use pdk_onnx::objective::{self, Objective};
 use pdk_onnx::tensor::shape_text;
 use pdk_onnx::{Graph, model};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Place, Result};
 use pdk_terminal::table::table;
 use serde_json::json;
 
+use super::perturb::check_output;
 use super::{Global, print_json};
 
 /// Arguments of `pdk gradient`
@@ -42,13 +43,7 @@ fn help() -> String {
 /// Writes the network.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Arguments { model, output, of, by } = arguments;
-    let same = |path: &PathBuf| path.canonicalize().ok();
-    if same(model).is_some() && same(model) == same(output) {
-        return Err(Error::new(format!(
-            "{} would be written over the network itself; name another file with --out",
-            output.display()
-        )));
-    }
+    check_output(model, output)?;
     let place = format!("network `{}`", model.display());
     let graph = model::read(model).and_then(Graph::new).place(&place)?;
     let objective = match of {

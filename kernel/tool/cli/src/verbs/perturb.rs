@@ -69,7 +69,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 /// Refuses to write over what is read.
-fn check_output(input: &Path, output: &Path) -> Result<()> {
+pub fn check_output(input: &Path, output: &Path) -> Result<()> {
     let place = |path: &Path| std::fs::canonicalize(path).ok();
     match (place(input), place(output)) {
         (Some(read), Some(written)) if read == written => Err(Error::new(format!(
