@@ -266,7 +266,7 @@ pub fn over_time(
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::describe::Parameter;
+    use pdk_sdk::describe::{ActsOn, Parameter};
     use serde_json::json;
 
     use super::*;
@@ -305,11 +305,16 @@ mod tests {
         let description = Description { default: false, ..Description::perturbation("sticker", "x") };
         let base = Some("overlay".into());
         catalog.add(Entry { base, ..Entry::new(description, "sticker.png".into()) });
-        let names = |all: bool| {
-            chosen(&catalog, &[], all).unwrap().into_iter().map(|s| s.description.name).collect::<Vec<_>>()
+        let names = |catalog: &Catalog, all: bool| {
+            chosen(catalog, &[], all).unwrap().into_iter().map(|s| s.description.name).collect::<Vec<_>>()
         };
-        assert_eq!(names(false), ["sticker", "fog"]);
-        assert_eq!(names(true), ["sticker", "fog", "frost"]);
+        assert_eq!(names(&catalog, false), ["sticker", "fog"]);
+        assert_eq!(names(&catalog, true), ["sticker", "fog", "frost"]);
+        // What leaves frames as they are is usable, and has nothing to show.
+        let late = Description { default: false, ..Description::perturbation("late", "x") };
+        catalog.add(Entry::new(late.acts_on(ActsOn::Control), "plugin".into()));
+        assert_eq!(names(&catalog, true), ["sticker", "fog", "frost"]);
+        assert_eq!(usable(&catalog, true).len(), 4);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub struct Arguments {
     /// A network whose view is shown below each picture: its ONNX file, or the name of one that is part of pdk
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// The saliency method that shows it [default: the one that `pdk list saliency` says is used]
+    /// The saliency method that shows it [default: the one that `pdk list saliency` marks as the default]
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "model")]
     method: Option<String>,
     /// The seed that all random numbers come from
@@ -143,7 +143,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     for file in &written {
         println!("{}", file.display());
     }
-    let all = preview::usable(registry.catalog(), true).len();
+    let all = preview::chosen(registry.catalog(), &[], true)?.len();
     if !left_out.named && all > chosen.len() {
         println!("{} more are there by name only; --all shows them too", all - chosen.len());
     }
