@@ -20,7 +20,7 @@ pub struct FailingLevel {
     /// The level. It is the lowest level that was driven if the share is reached there already, and none if it is not reached at the
     /// highest.
     pub level: Option<f64>,
-    /// The lower end of its interval, a level that was driven, or 0 where half may fail at the lowest already: below it nothing is known.
+    /// The lower end of its interval, a level that was driven, or 0 if half may fail at the lowest already: below it nothing is known.
     /// None if it lies above the highest.
     pub low: Option<f64>,
     /// The upper end, in the same terms; none if it may lie above the highest level.
@@ -187,8 +187,8 @@ fn crossing(levels: &[f64], shares: &[Shares]) -> f64 {
     }
 }
 
-/// The last level below the first at which half may fail, 0 if that is the lowest, since nothing is known below; infinite where
-/// half cannot fail at any.
+/// The last level below the first at which half may fail, 0 if that is the lowest, since nothing is known below; infinite if half cannot
+/// fail at any.
 fn earliest(levels: &[f64], shares: &[Shares]) -> f64 {
     let first = shares.iter().position(|shares| shares.most >= HALF);
     first.map_or(f64::INFINITY, |place| place.checked_sub(1).map_or(0.0, |below| levels[below]))

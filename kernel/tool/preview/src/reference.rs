@@ -60,7 +60,7 @@ fn temporal(description: &Description) -> &'static str {
     }
 }
 
-/// Where the picture of a perturbation lies that changes frames.
+/// The picture of a perturbation, if it changes frames.
 fn picture(description: &Description) -> String {
     let name = &description.name;
     match description.acts_on.is_frame() {
