@@ -342,17 +342,19 @@ fn a_plain_copy_says_what_was_recorded_and_what_was_not() {
     let data = folder.path().join("drive");
     fs::create_dir(&data).unwrap();
     // The throttle was not recorded.
-    let mut table = "image,steering,speed\n".to_owned();
-    for number in 0..4_u32 {
+    let mut table = "image,steering,speed,milliseconds\n".to_owned();
+    let times = [0.0, 33.3125, 66.7, 100.03125];
+    for (number, time) in (0..4_u32).zip(times) {
         pictures::road(48, 32, number).save(data.join(format!("{number}.png"))).unwrap();
-        table += &format!("{number}.png,{},{}\n", datasets::steering(number), 2.5 + f64::from(number));
+        let (steering, speed) = (datasets::steering(number), 2.5 + f64::from(number));
+        table += &format!("{number}.png,{steering},{speed},{time}\n");
     }
     fs::write(data.join("log.csv"), table).unwrap();
     let plain = ["--with", "contrast@0", "--plain"];
     corrupt(folder.path(), "csv,path=drive", &plain, "once").succeed();
     let copy = "once/contrast/0";
     corrupt(folder.path(), &format!("folder,path={copy}"), &plain, "twice").succeed();
-    for number in 0..4_u32 {
+    for (number, time) in (0..4_u32).zip(times) {
         let name = format!("contrast/0/record_{number:06}.json");
         let [once, twice] = ["once", "twice"].map(|out| json_file(&folder.path().join(out).join(&name)));
         assert_eq!(
@@ -360,6 +362,8 @@ fn a_plain_copy_says_what_was_recorded_and_what_was_not() {
             (&Value::Null, Some(2.5 + f64::from(number)))
         );
         assert_eq!(once["user/angle"].as_f64(), Some(datasets::steering(number)));
+        // Cameras do not count in milliseconds.
+        assert_eq!(once["milliseconds"].as_f64(), Some(time));
         assert_eq!(once, twice);
     }
 }

@@ -334,10 +334,9 @@ impl<'a> Worker<'a> {
                 let moved = *moves && job.options.labels == LabelsOption::Move;
                 let mirrored = moved && worker.mirrored(condition, &situation)?;
                 let steering = if mirrored { -steering } else { steering };
-                let milliseconds = (time * 1000.0).round();
                 // A steering or throttle that was not recorded is not a number, which becomes `null`.
                 let mut record = json!({
-                    "user/mode": "user", "milliseconds": milliseconds, "user/angle": steering, "user/throttle": throttle
+                    "user/mode": "user", "milliseconds": time * 1000.0, "user/angle": steering, "user/throttle": throttle
                 });
                 if speed.is_finite() {
                     record["enc/speed"] = speed.into();
