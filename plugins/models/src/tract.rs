@@ -142,7 +142,8 @@ impl Tract {
                 Error::new(format!("it cannot make sense of the model; {}", locate::instead_of_tract()))
             })?
             .map_err(|error| {
-                Error::new(format!("it cannot prepare the model ({error:#}); {}", locate::instead_of_tract()))
+                let reason = first_line(&format!("{error:#}"));
+                Error::new(format!("it cannot prepare the model ({reason}); {}", locate::instead_of_tract()))
             })?;
         let zero = |taken: &Taken| {
             let tensor = Tensor::zero_dt(datum_type(taken.element), &taken.shape).place(name())?;
@@ -150,6 +151,12 @@ impl Tract {
         };
         Ok(Self { state, inputs: network.inputs.iter().map(zero).collect::<Result<_>>()? })
     }
+}
+
+/// The first line of a reason. After it, tract prints what it was about to put into the graph, which fills screens.
+fn first_line(reason: &str) -> String {
+    let line = reason.lines().next().unwrap_or_default();
+    line.trim_end_matches([' ', '.', ':']).to_owned()
 }
 
 fn prepare(network: &Network<'_>, proto: &pb::ModelProto) -> TractResult<TypedSimpleState> {
@@ -251,6 +258,16 @@ mod tests {
         let version = super::name().strip_prefix("tract ").unwrap();
         let workspace = include_str!("../../../Cargo.toml");
         assert!(workspace.contains(&format!("tract-onnx = {{ version = \"={version}\"")));
+    }
+
+    #[test]
+    fn of_what_tract_prints_the_first_line_is_the_reason() {
+        let printed = "Applying patch a: Trying to substitute a 1,3,F32 by 1,4,F32 as output #0 of b.\nGraph { nodes: [Node {\n} ] }";
+        assert_eq!(
+            super::first_line(printed),
+            "Applying patch a: Trying to substitute a 1,3,F32 by 1,4,F32 as output #0 of b"
+        );
+        assert_eq!(super::first_line("nothing computes x"), "nothing computes x");
     }
 
     #[test]
