@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::IsTerminal;
 
 pub use comfy_table::{Cell, CellAlignment};
-use comfy_table::{ContentArrangement, Row, presets};
+use comfy_table::{ColumnConstraint, ContentArrangement, Row, Width, presets};
 
 /// Spaces between the columns of a table that is not drawn.
 const GAP: u16 = 2;
@@ -42,7 +42,35 @@ impl Table {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.trim_fmt())
+        let mut table = self.0.clone();
+        keep_words(&mut table);
+        f.write_str(&table.trim_fmt())
+    }
+}
+
+/// Makes columns at least as wide as their longest words, if the table still fits: all columns, or else the first one. A name that is broken
+/// in two is hard to read and cannot be copied.
+fn keep_words(table: &mut comfy_table::Table) {
+    let is_drawn = matches!(table.content_arrangement(), ContentArrangement::Dynamic);
+    let Some(width) = table.width().filter(|_| is_drawn) else { return };
+    let longest = |column: usize| {
+        let cells = table.column_cells_with_header_iter(column).flatten();
+        let of_cell =
+            |cell: &Cell| cell.content().split_whitespace().map(textwrap::core::display_width).max();
+        cells.filter_map(of_cell).max().unwrap_or(1)
+    };
+    let longest: Vec<usize> = (0..table.column_iter().count()).map(longest).collect();
+    // Each column has a space on both sides and a line before it, and a line stands behind the last one.
+    let drawn = 1 + 3 * longest.len();
+    let kept = match longest.as_slice() {
+        all if all.iter().sum::<usize>() + drawn <= width.into() => all.len(),
+        // The others need room as well.
+        [first, ..] if 3 * first <= usize::from(width) => 1,
+        _ => 0,
+    };
+    for (column, word) in table.column_iter_mut().zip(&longest).take(kept) {
+        let width = u16::try_from(word + 2).unwrap_or(u16::MAX);
+        column.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(width)));
     }
 }
 
@@ -60,6 +88,27 @@ mod tests {
     #[test]
     fn a_table_for_a_program_has_a_line_for_each_row_and_nothing_drawn() {
         assert_eq!(shown(false), "driver       mean\ndave2        0.12\nlane keeper  10.5");
+    }
+
+    #[test]
+    fn words_are_not_broken_in_a_terminal_in_which_they_fit() {
+        let within = |width: u16| {
+            let mut table = Table::new(["perturbation", "what it does", "over the line"], true);
+            table.add_row(["increase_brightness", "Adds to all values of the frame", "0.102"]);
+            table.0.set_width(width);
+            table.to_string()
+        };
+        for width in [48, 56, 80] {
+            let lines = within(width);
+            assert!(lines.lines().all(|line| line.chars().count() <= width.into()), "{lines}");
+            for word in ["increase_brightness", "values", "frame", "over the line"] {
+                let whole = word.split(' ').all(|word| lines.contains(word));
+                assert!(whole, "{word} at {width}:\n{lines}");
+            }
+        }
+        // Below that nothing is lost, and no line is too long.
+        let lines = within(30);
+        assert!(lines.lines().all(|line| line.chars().count() <= 30), "{lines}");
     }
 
     #[test]
