@@ -87,11 +87,12 @@ pub(super) fn raised(script: &str, raised: &Value) -> Error {
 }
 
 /// The sentence for an error of the binding: a wrong argument, a script that cannot be compiled. What is lost or late, such as a simulator
-/// that is not there, is no fault of the line that waits for it, which is not named then.
+/// that is not there, is no fault of the line that waits for it, which is not named then. What pdk says itself is passed on whole.
 pub(super) fn binding(script: &str, error: &mlua::Error) -> Error {
     match of_host(error) {
         Some(error) if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) => error.clone(),
-        _ => with_location(script, &root(error)),
+        Some(error) => located(script, error.message().to_owned()),
+        None => with_location(script, &root(error)),
     }
 }
 
@@ -104,9 +105,13 @@ fn of_host(error: &mlua::Error) -> Option<&Error> {
     }
 }
 
-/// Puts the location first, unless the message starts with one.
+/// What a script said, shortened, with the location first.
 fn with_location(script: &str, message: &str) -> Error {
-    let message = shorten(message.split("\nstack traceback:").next().unwrap_or_default().trim());
+    located(script, shorten(message.split("\nstack traceback:").next().unwrap_or_default().trim()))
+}
+
+/// Puts the location first, unless the message starts with one.
+fn located(script: &str, message: String) -> Error {
     let place = location(script);
     let named = message.strip_prefix(script).is_some_and(|rest| {
         rest.strip_prefix(':').is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
@@ -148,5 +153,19 @@ fn shorten(message: &str) -> String {
     match message.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{} ...", &message[..end]),
         None => message.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_pdk_says_is_passed_on_whole_and_what_a_script_says_is_shortened() {
+        let long = format!("{}; set trust=true", "it cannot be ranked ".repeat(40));
+        let host = mlua::Error::external(Error::new(long.as_str()));
+        assert_eq!(binding("a", &host).message(), format!("a: {long}"));
+        let script = binding("a", &mlua::Error::RuntimeError(long.clone())).to_string();
+        assert!(script.ends_with(" ...") && script.len() < long.len(), "{script}");
     }
 }

@@ -2,6 +2,7 @@
 
 use pdk_sdk::error::{Error, Result};
 use pdk_terminal::table::{Cell, CellAlignment, Table, table};
+use pdk_terminal::text::wrapped;
 use serde_json::Value;
 
 /// Renders what `pdk.drive` or `pdk.evaluate` returned.
@@ -183,20 +184,20 @@ pub fn check(check: &Value) -> String {
         table.add_row([Cell::new(what)].into_iter().chain(cells.map(right)));
     };
     let both = |of: &dyn Fn(&Value) -> String| ["steering", "throttle"].map(|name| of(&check[name]));
-    let constants =
-        |name: &str| ["steering", "throttle"].map(|whose| number(&check[whose][name], 3)).join(", ");
+    // Without anything to compare with there is no constant.
+    let with = |what: &str, name: &str| match ["steering", "throttle"].map(|of| number(&check[of][name], 3)) {
+        numbers if numbers.iter().all(String::is_empty) => what.to_owned(),
+        numbers => format!("{what} ({})", numbers.join(", ")),
+    };
     let percent = |value: &Value| format!("{:.0} %", value.as_f64().unwrap_or_default() * 100.0);
     add("mean absolute error of the driver".to_owned(), both(&|of| number(&of["error"], 3)));
-    add(
-        format!("... of the best constants ({})", constants("constant")),
-        both(&|of| number(&of["constant_error"], 3)),
-    );
-    add(format!("... of the means ({})", constants("mean")), both(&|of| number(&of["mean_error"], 3)));
+    add(with("... of the best constants", "constant"), both(&|of| number(&of["constant_error"], 3)));
+    add(with("... of the means", "mean"), both(&|of| number(&of["mean_error"], 3)));
     add("outputs at a limit (-1 or 1)".to_owned(), both(&|of| percent(&of["at_limit"])));
     add("outputs that are the same number".to_owned(), both(&|of| percent(&of["same"])));
     add("frames without a usable output".to_owned(), [percent(&check["failed"]), String::new()]);
-    let refusal =
-        check["refusal"].as_str().map_or_else(String::new, |refusal| format!("\nWarning: {refusal}"));
+    let refusal = check["refusal"].as_str();
+    let refusal = refusal.map_or_else(String::new, |refusal| format!("\n{}", wrapped("Warning: ", refusal)));
     format!("{table}{refusal}")
 }
 

@@ -142,17 +142,17 @@ impl NumberCheck {
         // What was not recorded cannot be compared with.
         let recorded: Vec<(f64, f64)> =
             numbers.iter().copied().filter(|(truth, _)| !truth.is_nan()).collect();
-        let mean_of = |sum: f64| match (recorded.is_empty(), numbers.is_empty()) {
-            (true, false) => f64::NAN,
-            _ => sum / recorded.len().max(1) as f64,
-        };
+        let mean_of = |sum: f64| if recorded.is_empty() { f64::NAN } else { sum / recorded.len() as f64 };
         let count = numbers.len().max(1) as f64;
         let share = |is: &dyn Fn(f64) -> bool| {
             numbers.iter().filter(|(_, output)| is(*output)).count() as f64 / count
         };
         let error_of =
             |constant: f64| mean_of(recorded.iter().map(|(truth, _)| (truth - constant).abs()).sum());
-        let constant = median(recorded.iter().map(|(truth, _)| *truth).collect());
+        let constant = match recorded.is_empty() {
+            true => f64::NAN,
+            false => median(recorded.iter().map(|(truth, _)| *truth).collect()),
+        };
         let mean = mean_of(recorded.iter().map(|(truth, _)| truth).sum());
         // If most outputs are the same number, it is their median.
         let usual = median(numbers.iter().map(|(_, output)| *output).collect());
@@ -229,6 +229,14 @@ mod tests {
             (0..100).map(|n| (none, Control { steering: f64::from(n) / 200.0, throttle: 0.3 })).collect();
         let check = Check::of(&frames, 0).judged(&ComponentSpec::new("x"));
         assert!(check.refusal.is_none() && check.steering.error.is_nan() && check.steering.at_limit == 0.0);
+    }
+
+    #[test]
+    fn a_driver_without_an_output_has_no_errors() {
+        let check = Check::of(&[], 80).judged(&ComponentSpec::new("x"));
+        let NumberCheck { error, constant, constant_error, mean, mean_error, .. } = check.steering;
+        assert!([error, constant, constant_error, mean, mean_error].iter().all(|number| number.is_nan()));
+        assert!(check.refusal.unwrap().contains("no usable number for 100 %"));
     }
 
     #[test]
