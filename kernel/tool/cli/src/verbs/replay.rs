@@ -28,7 +28,7 @@ pub struct Arguments {
     /// drivers, it shows what the drivers saw beside each other
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
-    /// Show in the video what the driver's network looks at, by this saliency method [default: the one that `pdk list saliency` says is used]
+    /// Show in the video what the driver's network looks at, by this saliency method [default: the one that `pdk list saliency` marks as the default]
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "clip", num_args = 0..=1, require_equals = true,
           default_missing_value = "")]
     saliency: Option<String>,

@@ -35,7 +35,7 @@ pub struct Arguments {
     /// Where to write the page [default: RUN/report.html, of several records comparison.html in the first]
     #[arg(short, long, alias = "output", value_name = "FILE.html")]
     out: Option<PathBuf>,
-    /// Show beside the frames of failures what the driver's network looked at, by this saliency method [default: the one that `pdk list saliency` says is used]
+    /// Show beside the frames of failures what the driver's network looked at, by this saliency method [default: the one that `pdk list saliency` marks as the default]
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", num_args = 0..=1, require_equals = true,
           default_missing_value = "")]
     saliency: Option<String>,
