@@ -35,7 +35,7 @@ const NOT_RUN: [(&str, &str); 14] = [
 const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugin list", "pdk plugin remove"];
 
 /// Beginnings of commands that drive, or work on the record of the quickstart. They are run in this order, in one folder.
-const LONG: [&str; 11] = [
+const LONG: [&str; 12] = [
     "pdk run scripts/",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set driver=onnx",
@@ -44,6 +44,7 @@ const LONG: [&str; 11] = [
     "pdk report",
     "pdk export",
     "pdk shrink",
+    "pdk why",
     "pdk saliency docs/examples/tub",
     "pdk suite runs/smoke-1",
     "pdk verify",
