@@ -1385,7 +1385,8 @@ def late_controls(
 
     latency: constant: always `delay`; jitter: `delay`, and as much again as is drawn for each control; profile:
         latencies of a file in their order (default "constant").
-    delay: how late a control is; without effect with a profile (s; 0 to 4; by level 0.05, 0.1, 0.2, 0.35, 0.5).
+    delay: how late a control is, at most 240 frames; without effect with a profile (s; 0 to 4; by level 0.05, 0.1,
+        0.2, 0.35, 0.5).
     jitter: mean of what jitter adds, which is distributed exponentially; only with `latency=jitter` (s; 0 to 4; by
         level 0.025, 0.05, 0.1, 0.175, 0.25).
     profile: a file with measured latencies in milliseconds, one a line; after the last one the first follows; only

@@ -114,7 +114,7 @@ mod tests {
     fn every_clip_shows_something_and_leaves_most_of_the_scene() {
         for clip in &CLIPS {
             let effect = clip.effect();
-            let numbers = (0..clip.frames).step_by(20);
+            let numbers = (0..clip.frames).step_by(10);
             let covers: Vec<f32> = numbers
                 .map(|number| {
                     let frame = clip.frame(effect.as_ref(), number);

@@ -66,6 +66,6 @@ fn what_has_no_gradient_is_one_sentence_and_nothing_is_written() {
         .arg(&network)
         .arg("-o")
         .arg(&network)
-        .fail(1, &["over the network itself", "--out"]);
+        .fail(1, &["the result would replace", "name another file with -o"]);
     assert!(!out.exists());
 }
