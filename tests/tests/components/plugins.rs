@@ -510,6 +510,7 @@ fn files_that_are_not_plugins_are_rejected_with_one_sentence_each() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_built_in_plugins_keep_the_rules() {
     let folder = temp();
     datasets::folder(&folder.path().join("folder"), 3, 32, 24);

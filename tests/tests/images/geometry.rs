@@ -235,6 +235,7 @@ const SMEARS: [&str; 5] =
     ["zoom_blur", "glass_blur", "imagenet_c_zoom_blur", "imagenet_c_glass_blur", "imagenet_c_motion_blur"];
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn what_keeps_geometry_leaves_markers_in_their_places() {
     let registry = registry(&SearchPath::default());
     let mut wrong = Vec::new();

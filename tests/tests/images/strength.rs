@@ -131,6 +131,7 @@ fn fault(registry: &Registry, shown: &Shown, look: &Look) -> Option<String> {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn strength_grows_from_level_to_level() {
     let registry = registry();
     let frames = simulated_frames(&registry);

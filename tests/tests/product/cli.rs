@@ -82,6 +82,7 @@ fn lists_tell_the_same_to_people_and_to_scripts() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn every_component_can_be_shown() {
     let all = Pdk::new(["list", "--json"]).succeed().json();
     for component in all.as_array().unwrap() {
