@@ -82,6 +82,15 @@ impl Yuv420 {
         }
     }
 
+    /// Luma, blue chroma and red chroma of a pixel.
+    pub fn components(pixel: [u8; 3]) -> [u8; 3] {
+        let pixel = pixel.map(i32::from);
+        let half = 1 << (BITS - 1);
+        let [blue, red] = CHROMA.map(|weights| (weighted(weights, pixel) + (128 << BITS) + half) >> BITS);
+        [(weighted(LUMA, pixel) + (16 << BITS) + half) >> BITS, blue, red]
+            .map(|value| value.clamp(0, 255) as u8)
+    }
+
     /// Red, green and blue of a pixel with this luma, blue chroma and red chroma.
     pub fn colour(luma: u8, blue: u8, red: u8) -> [u8; 3] {
         let [blue, red] = [blue, red].map(|chroma| i32::from(chroma) - 128);
@@ -177,6 +186,8 @@ mod tests {
                             assert!(off < 0.51, "{r} {g} {b}: {value} {wanted}");
                         }
                     }
+                    let [luma, blue, red] = Yuv420::components([r, g, b]);
+                    assert_eq!(yuv.planes().map(|plane| plane[0]), [luma, blue, red]);
                     let mut back = FrameBuf::new(4, 2);
                     yuv.to_rgb(back.as_mut());
                     for (a, b) in frame.data().iter().zip(back.data()) {

@@ -19,6 +19,9 @@ const LONGEST_LINE: u64 = 1000;
 const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,obu,ivf,av1,vc1,ogg,flv,asf,mxf,nut,rm,dv,\
                        yuv4mpegpipe,tiff_pipe,jpegxl_pipe";
 
+/// The program, which is looked for on the PATH.
+pub const PROGRAM: &str = "ffmpeg";
+
 /// More frames than this are not listed; see `timing`.
 pub const MOST: usize = 1 << 22;
 
@@ -223,7 +226,7 @@ fn head(clip: &Path) -> Result<Vec<u8>> {
 }
 
 /// The option by which ffmpeg gives each frame once; it has another name since version 5.1.
-fn each_once(program: &Path) -> [&'static str; 2] {
+pub fn each_once(program: &Path) -> [&'static str; 2] {
     let mut command = Command::new(program);
     command.args(["-v", "error", "-nostdin", "-fps_mode", "passthrough", "-version"]);
     let known = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -233,7 +236,7 @@ fn each_once(program: &Path) -> [&'static str; 2] {
     }
 }
 
-fn not_started(error: &std::io::Error, codec: &str) -> Error {
+pub fn not_started(error: &std::io::Error, codec: &str) -> Error {
     match error.kind() {
         std::io::ErrorKind::NotFound => Error::new(format!(
             "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or convert \
@@ -242,6 +245,46 @@ fn not_started(error: &std::io::Error, codec: &str) -> Error {
         _ => Error::new(format!(
             "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
         )),
+    }
+}
+
+/// What ffmpeg says of the pictures of a video.
+pub struct Told {
+    /// Their codec, as ffmpeg calls it.
+    pub codec: String,
+    /// Seconds of a tick, as a fraction: times are whole numbers of ticks.
+    pub scale: (u32, u32),
+    /// Width and height.
+    pub size: [u32; 2],
+}
+
+/// Asks ffmpeg what a video is; `codec` says what is known of that.
+///
+/// # Errors
+/// If there is no such program, or it cannot read the video.
+pub fn look(video: &Path, codec: &str) -> Result<Told> {
+    let mut command = command(Path::new(PROGRAM), video, None)?;
+    command.args(["-c", "copy", "-frames:v", "1", "-f", "framecrc", "-"]);
+    let (mut process, output) = Process::start(command).map_err(|error| not_started(&error, codec))?;
+    let (mut codec, mut scale, mut size) = (None, None, None);
+    for line in output.lines() {
+        let line = line.map_err(|error| Error::new(format!("ffmpeg cannot read it: {error}")))?;
+        if let Some(name) = line.strip_prefix("#codec_id 0: ") {
+            codec = Some(name.trim().to_owned());
+        } else if let Some((numerator, denominator)) =
+            line.strip_prefix("#tb 0: ").and_then(|tick| tick.split_once('/'))
+        {
+            scale = numerator.parse().ok().zip(denominator.trim().parse().ok());
+        } else if let Some((width, height)) =
+            line.strip_prefix("#dimensions 0: ").and_then(|size| size.split_once('x'))
+        {
+            size = width.parse().ok().zip(height.trim().parse().ok());
+        }
+    }
+    let (_, said) = process.finish();
+    match (codec, scale, size) {
+        (Some(codec), Some(scale), Some((width, height))) => Ok(Told { codec, scale, size: [width, height] }),
+        _ => Err(because(&said)),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Videos as frames, one at a time: a video is never in memory as a whole.
 //!
 //! [`Video`] opens any: [`Reader`] decodes H.264 in MP4 files, and [`Ffmpeg`] leaves the others to the program of that name.
+//! [`Recoding`] writes one again with other pictures, in the same way.
 //!
 //! [`Writer`] is deterministic: the same frames give the same bytes. Colours are those of ITU-R BT.601 with luma from 16 to
 //! 235.
@@ -9,12 +10,14 @@ mod assembly;
 mod boxes;
 mod container;
 mod convert;
+mod encoder;
 mod ffmpeg;
 mod fragments;
 mod index;
 mod matroska;
 mod process;
 mod reader;
+mod recode;
 mod sample;
 #[cfg(test)]
 mod stand_in;
@@ -33,8 +36,10 @@ pub mod mp4 {
 
 pub use assembly::has_assembly;
 pub use convert::Yuv420;
+pub use encoder::{Encoder, Units};
 pub use ffmpeg::Ffmpeg;
 pub use reader::{Container, Input, Opened, Reader, container};
+pub use recode::{Recoder, Recoding};
 pub use stream::{Stream, begins_anew};
 pub use timing::Timing;
 pub use video::Video;

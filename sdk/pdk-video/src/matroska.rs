@@ -1,4 +1,6 @@
-//! Which decoder of ffmpeg a Matroska or WebM clip needs for its alpha channel. VP8 and VP9 keep alpha as a second stream beside the colours,
+//! What is needed of Matroska: which decoder of ffmpeg a clip needs for its alpha channel, and pictures with their times for ffmpeg to read.
+//!
+//! VP8 and VP9 keep alpha as a second stream beside the colours,
 //! which ffmpeg's own decoders pass over; those of libvpx read it.
 //!
 //! A file is elements in elements, each with its number, its size and its content (RFC 8794, RFC 9559).
@@ -62,6 +64,60 @@ impl<'a> Iterator for Elements<'a> {
         self.rest = if PARENTS.contains(&number) { content } else { &content[length..] };
         Some((number, &content[..length]))
     }
+}
+
+/// The beginning of a stream of pictures without compression: planes of luma, blue and red chroma at half the size. A frame lasts this many
+/// nanoseconds on average, and times are in nanoseconds.
+pub fn stream_head([width, height]: [usize; 2], duration: f64) -> Vec<u8> {
+    let number = |id: u32, value: u64| element(id, &value.to_be_bytes());
+    let parent = |id: u32, children: &[Vec<u8>]| element(id, &children.concat());
+    let versions = [number(0x4286, 1), number(0x42F7, 1), number(0x42F2, 4), number(0x42F3, 8)];
+    let kind = [element(0x4282, b"matroska"), number(0x4287, 4), number(0x4285, 2)];
+    let mut head = parent(0x1A45_DFA3, &[versions.concat(), kind.concat()]);
+    // A segment without end.
+    head.extend(SEGMENT.to_be_bytes());
+    head.extend([0x01, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]);
+    head.extend(parent(
+        0x1549_A966,
+        &[number(0x2A_D7B1, 1), element(0x4D80, b"pdk"), element(0x5741, b"pdk")],
+    ));
+    let picture = [number(0xB0, width as u64), number(0xBA, height as u64), element(0x2E_B524, b"I420")];
+    let track = [
+        number(0xD7, 1),
+        number(0x73C5, 1),
+        number(0x83, 1),
+        number(0x9C, 0),
+        element(CODEC, b"V_UNCOMPRESSED"),
+        number(0x23_E383, duration.round().max(1.0) as u64),
+        parent(VIDEO, &picture),
+    ];
+    head.extend(parent(0x1654_AE6B, &[parent(TRACK, &track)]));
+    head
+}
+
+/// What comes before a picture of this many bytes, which begins at this time in nanoseconds.
+pub fn frame_head(time: u64, length: usize) -> Vec<u8> {
+    let time = element(0xE7, &time.to_be_bytes());
+    // The track, its time after that of the cluster, and that it can be decoded alone.
+    let block = [0x81, 0, 0, 0x80];
+    let mut head = begin(CLUSTER, time.len() + 9 + block.len() + length);
+    head.extend(time);
+    head.extend(begin(0xA3, block.len() + length));
+    head.extend(block);
+    head
+}
+
+fn element(id: u32, content: &[u8]) -> Vec<u8> {
+    let mut element = begin(id, content.len());
+    element.extend_from_slice(content);
+    element
+}
+
+/// The number and the size of an element, the size in eight bytes.
+fn begin(id: u32, length: usize) -> Vec<u8> {
+    let mut begin: Vec<u8> = id.to_be_bytes().into_iter().skip_while(|byte| *byte == 0).collect();
+    begin.extend((length as u64 | 1 << 56).to_be_bytes());
+    begin
 }
 
 #[cfg(test)]

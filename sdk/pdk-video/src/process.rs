@@ -1,10 +1,10 @@
-//! A program whose output is read. It never waits for a reader of its messages, and nothing of it stays behind: it is
+//! A program whose output is read, or that reads what is written to it. It never waits for a reader of its messages, and nothing of it stays behind: it is
 //! ended when it is dropped, and when this process is killed. Its memory is limited, and it is given up if it writes
 //! nothing for too long.
 
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Write};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -38,7 +38,31 @@ impl Process {
     /// # Errors
     /// If it cannot be started.
     pub fn start(mut command: Command) -> std::io::Result<(Self, Output)> {
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut process = Self::spawn(command)?;
+        let Some(output) = process.child.stdout.take() else {
+            return Err(std::io::Error::other("it has no output"));
+        };
+        Ok((process, BufReader::new(Patient { output, patience: PATIENCE })))
+    }
+
+    /// Starts a program without output, and gives its input. It has to be written on this thread, as output is read.
+    ///
+    /// # Errors
+    /// If it cannot be started.
+    pub fn start_with_input(mut command: Command) -> std::io::Result<(Self, Input)> {
+        command.stdin(Stdio::piped()).stdout(Stdio::null());
+        let mut process = Self::spawn(command)?;
+        let Some(input) = process.child.stdin.take() else {
+            return Err(std::io::Error::other("it has no input"));
+        };
+        // A program that does not read must not hold up this thread for ever.
+        rustix::io::ioctl_fionbio(&input, true)?;
+        Ok((process, Input { input, patience: PATIENCE }))
+    }
+
+    fn spawn(mut command: Command) -> std::io::Result<Self> {
+        command.stderr(Stdio::piped());
         // What it starts is ended with it, and a signal of the terminal does not reach it before this process.
         command.process_group(0);
         #[cfg(target_os = "linux")]
@@ -47,24 +71,33 @@ impl Process {
         let said = Arc::new(Mutex::new(Vec::new()));
         // From here on every return ends the program.
         let mut process = Self { child: command.spawn()?, said, all_said };
-        let (Some(output), Some(errors)) = (process.child.stdout.take(), process.child.stderr.take()) else {
-            return Err(std::io::Error::other("it has no output"));
+        let Some(errors) = process.child.stderr.take() else {
+            return Err(std::io::Error::other("it has no messages"));
         };
         let said = process.said.clone();
         let listener = std::thread::Builder::new().name("messages of a program".to_owned());
         listener.spawn(move || listen(errors, &said, sender))?;
-        Ok((process, BufReader::new(Patient { output, patience: PATIENCE })))
+        Ok(process)
     }
 
     /// Waits for the end of a program whose output has ended, and ends it if it does not come. Returns whether it ended
     /// well, and the last of what it said.
     pub fn finish(&mut self) -> (bool, String) {
+        self.finish_within(GRACE)
+    }
+
+    /// Waits for the end of a program whose input has ended, which may have work to do, as [`finish`](Self::finish) does.
+    pub fn finish_work(&mut self) -> (bool, String) {
+        self.finish_within(PATIENCE)
+    }
+
+    fn finish_within(&mut self, grace: Duration) -> (bool, String) {
         let begin = Instant::now();
-        let _ = self.all_said.recv_timeout(GRACE);
+        let _ = self.all_said.recv_timeout(grace);
         let well = loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => break status.success(),
-                Ok(None) if begin.elapsed() < GRACE => std::thread::sleep(LOOK),
+                Ok(None) if begin.elapsed() < grace => std::thread::sleep(LOOK),
                 _ => break false,
             }
         };
@@ -105,21 +138,57 @@ pub struct Patient {
 impl Read for Patient {
     fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
         let mut wanted = [PollFd::new(&self.output, PollFlags::IN)];
-        let limit =
-            Timespec { tv_sec: self.patience.as_secs() as i64, tv_nsec: self.patience.subsec_nanos().into() };
-        loop {
-            match poll(&mut wanted, Some(&limit)) {
-                Ok(0) => {
-                    let seconds = self.patience.as_secs();
-                    return Err(std::io::Error::new(
-                        std::io::ErrorKind::TimedOut,
-                        format!("it wrote nothing for {seconds} seconds"),
-                    ));
-                }
-                Ok(_) => return self.output.read(into),
-                Err(rustix::io::Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
+        match wait(&mut wanted, self.patience)? {
+            true => self.output.read(into),
+            false => {
+                let seconds = self.patience.as_secs();
+                Err(std::io::Error::new(
+                    std::io::ErrorKind::TimedOut,
+                    format!("it wrote nothing for {seconds} seconds"),
+                ))
             }
+        }
+    }
+}
+
+/// The input of a program that is given up if it reads nothing for too long.
+pub struct Input {
+    input: ChildStdin,
+    patience: Duration,
+}
+
+impl Write for Input {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        loop {
+            match self.input.write(bytes) {
+                Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
+                    let mut wanted = [PollFd::new(&self.input, PollFlags::OUT)];
+                    if !wait(&mut wanted, self.patience)? {
+                        let seconds = self.patience.as_secs();
+                        return Err(std::io::Error::new(
+                            std::io::ErrorKind::TimedOut,
+                            format!("it read nothing for {seconds} seconds"),
+                        ));
+                    }
+                }
+                written => return written,
+            }
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.input.flush()
+    }
+}
+
+/// Waits for one of these; false if none comes in time.
+fn wait(wanted: &mut [PollFd<'_>], patience: Duration) -> std::io::Result<bool> {
+    let limit = Timespec { tv_sec: patience.as_secs() as i64, tv_nsec: patience.subsec_nanos().into() };
+    loop {
+        match poll(wanted, Some(&limit)) {
+            Ok(count) => return Ok(count > 0),
+            Err(rustix::io::Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::index::{Index, Indexed, index};
 use crate::turn::turn;
 
 /// Goes before every unit of a stream that is not in a container (ITU-T H.264, annex B).
-const START_CODE: [u8; 4] = [0, 0, 0, 1];
+pub const START_CODE: [u8; 4] = [0, 0, 0, 1];
 
 /// Reads from a file or from memory.
 pub trait Input: Read + Seek + Send {}
@@ -229,6 +229,11 @@ impl Reader {
     /// When a frame begins, in seconds after the first one; that of [`count`](Self::count) is when the last one ends.
     pub fn time(&self, frame: u32) -> f64 {
         self.index.timing.time(frame)
+    }
+
+    /// Ticks a second: times of frames are whole numbers of them.
+    pub fn scale(&self) -> u32 {
+        self.index.timing.scale()
     }
 
     /// Whether the file has sound, which is not read.

@@ -74,6 +74,11 @@ impl Timing {
         ticks.map_or(0.0, |&ticks| ticks as f64 / f64::from(self.scale))
     }
 
+    /// Ticks a second.
+    pub fn scale(&self) -> u32 {
+        self.scale
+    }
+
     /// Where to begin decoding so that a frame comes soon: a place that is the same in the orders of decoding and of showing. `alone`
     /// says with which ones decoding can begin.
     pub fn before(&self, frame: u32, alone: impl Fn(u32) -> bool) -> u32 {

@@ -7,8 +7,9 @@ use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
-use crate::ffmpeg::{Ffmpeg, MOST, times};
+use crate::ffmpeg::{Ffmpeg, MOST, PROGRAM, times};
 use crate::reader::{Container, Opened, Reader, container};
+use crate::recode::Recoding;
 
 /// The frames of a video in the order in which they are shown, each with its time.
 pub struct Video(Source);
@@ -38,19 +39,11 @@ impl Video {
     /// # Errors
     /// If it is not a video, is cut off, or needs ffmpeg, and ffmpeg is missing or cannot decode it.
     pub fn open(path: &Path) -> Result<Self> {
-        let (mut file, size) = file::open(path)?;
-        let mut head = Vec::new();
-        (&mut file).take(12).read_to_end(&mut head)?;
-        file.rewind()?;
-        let codec = match container(&head) {
-            Some(Container::Mp4) => match Reader::open(Box::new(BufReader::new(file)), size, false)? {
-                Opened::Frames(reader) => return Ok(Self(Source::Own(reader))),
-                Opened::OtherCodec(codec) => codec,
-            },
-            Some(Container::Other(name)) => name.to_owned(),
-            None => return Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
+        let codec = match opened(path)? {
+            Opened::Frames(reader) => return Ok(Self(Source::Own(reader))),
+            Opened::OtherCodec(codec) => codec,
         };
-        let times = times(Path::new("ffmpeg"), path, &codec)?;
+        let times = times(Path::new(PROGRAM), path, &codec)?;
         Ok(Self::by_ffmpeg(path, codec, times))
     }
 
@@ -128,12 +121,44 @@ impl Video {
         matches!(&self.0, Source::Own(reader) if reader.has_sound())
     }
 
+    /// How it is written again, with other pictures.
+    ///
+    /// # Errors
+    /// If its codec or its container is not written, or ffmpeg is missing that writes it.
+    pub fn recoding(&self) -> Result<Recoding> {
+        match &self.0 {
+            Source::Own(reader) => Ok(Recoding::own(reader.scale())),
+            Source::Other(other) => Recoding::other(&other.path, &other.codec),
+        }
+    }
+
+    /// When each frame begins, in seconds after the first one, and behind them when the last one ends.
+    pub fn times(&self) -> Vec<f64> {
+        (0..=self.count()).map(|frame| self.time(frame)).collect()
+    }
+
     /// What decodes the video, and why that is not pdk itself: for people.
     pub fn decoder(&self) -> String {
         match &self.0 {
             Source::Own(_) => "H.264 in MP4, decoded by pdk".to_owned(),
             Source::Other(other) => format!("{}, decoded by ffmpeg", other.codec),
         }
+    }
+}
+
+/// Opens what is decoded here, and says what anything else is.
+///
+/// # Errors
+/// If it is not a video, or is cut off.
+pub(crate) fn opened(path: &Path) -> Result<Opened> {
+    let (mut file, size) = file::open(path)?;
+    let mut head = Vec::new();
+    (&mut file).take(12).read_to_end(&mut head)?;
+    file.rewind()?;
+    match container(&head) {
+        Some(Container::Mp4) => Reader::open(Box::new(BufReader::new(file)), size, false),
+        Some(Container::Other(name)) => Ok(Opened::OtherCodec(name.to_owned())),
+        None => Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
     }
 }
 
@@ -145,7 +170,7 @@ impl Other {
         }
         // It cannot go back, so it begins anew.
         if self.next > self.wanted || self.running.is_none() {
-            let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), &self.path, &self.codec)?;
+            let ffmpeg = Ffmpeg::start(Path::new(PROGRAM), &self.path, &self.codec)?;
             (self.running, self.next) = (Some(ffmpeg), 0);
         }
         while let Some(ffmpeg) = &mut self.running {

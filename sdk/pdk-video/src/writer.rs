@@ -4,28 +4,17 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use openh264::OpenH264API;
-use openh264::encoder::{
-    BitRate, Complexity, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, Profile, QpRange,
-    RateControlMode, VuiConfig,
-};
-use openh264::formats::YUVSlices;
 use pdk_sdk::error::Place;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::container::Mp4;
-use crate::convert::Yuv420;
+use crate::encoder::Encoder;
 
 /// Ticks a second in the file: frame rates such as 24, 25, 30 and 30000/1001 have a whole number of them in a frame.
 const TIMESCALE: u32 = 90_000;
-/// The quantiser of every frame, of 0 (best) to 51: noise and fine structure are what a perturbation is looked at for.
-const QUANTISER: u8 = 20;
 /// Seconds from one frame that can be decoded alone to the next: where a player can jump to.
 const SECONDS_BETWEEN_KEYS: f64 = 2.0;
-/// The smallest side in pixels that the encoder takes, and the longest of the longer and of the shorter side.
-const SHORTEST: usize = 16;
-const LONGEST: (usize, usize) = (3840, 2160);
 
 /// Writes frames of equal size to an MP4 file that players and browsers show.
 ///
@@ -36,13 +25,12 @@ pub struct Writer {
     /// None once the file is complete.
     mp4: Option<Mp4<BufWriter<File>>>,
     encoder: Encoder,
-    width: usize,
-    height: usize,
+    /// Ticks a second.
+    scale: u32,
     rate: f64,
     frames: u64,
     /// When the last frame ends, in ticks.
     end: u64,
-    planes: Yuv420,
 }
 
 impl Writer {
@@ -57,57 +45,39 @@ impl Writer {
         height: usize,
         frames_per_second: f64,
     ) -> Result<Self> {
-        let path = path.as_ref().to_owned();
-        Self::begin(&path, width, height, frames_per_second).place(place(&path))
+        Self::with_scale(path, width, height, frames_per_second, TIMESCALE)
     }
 
-    fn begin(path: &Path, width: usize, height: usize, rate: f64) -> Result<Self> {
+    /// Begins a file as [`create`](Self::create) does, whose times are whole numbers of ticks, of which there are `scale` in a second.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn with_scale(
+        path: impl AsRef<Path>,
+        width: usize,
+        height: usize,
+        frames_per_second: f64,
+        scale: u32,
+    ) -> Result<Self> {
+        let path = path.as_ref().to_owned();
+        Self::begin(&path, [width, height], frames_per_second, scale).place(place(&path))
+    }
+
+    fn begin(path: &Path, [width, height]: [usize; 2], rate: f64, scale: u32) -> Result<Self> {
         if !(rate > 0.0 && rate <= 1000.0) {
             return Err(Error::new(format!(
                 "{rate} frames a second cannot be written: it has to be above 0 and at most 1000"
             )));
         }
-        check_size(width, height)?;
         let rounded = (SECONDS_BETWEEN_KEYS * rate).round().max(1.0) as u32;
-        // Says only which level of the standard the file claims; what noise takes at this quantiser, and no more than the
-        // highest level allows.
-        let bits = (width as f64 * height as f64 * rate * 2.0).clamp(100_000.0, 240_000_000.0) as u32;
-        // In this mode the quantiser is chosen by the frame, and here it has no choice. So nothing depends on how long
-        // encoding takes.
-        let config = EncoderConfig::new()
-            .rate_control_mode(RateControlMode::Bufferbased)
-            .bitrate(BitRate::from_bps(bits))
-            .qp(QpRange::new(QUANTISER, QUANTISER))
-            .max_frame_rate(FrameRate::from_hz(rate as f32))
-            .intra_frame_period(IntraFramePeriod::from_num_frames(rounded))
-            .complexity(Complexity::Low)
-            .profile(Profile::Main)
-            .vui(VuiConfig::bt601())
-            .skip_frames(false)
-            .scene_change_detect(false)
-            .adaptive_quantization(false)
-            .background_detection(false)
-            .num_threads(1);
-        let encoder = Encoder::with_api_config(OpenH264API::from_source(), config)
-            .place("the H.264 encoder does not start")?;
+        let encoder = Encoder::new(width, height, rate, rounded)?;
 
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder)?;
         }
         let part = file::part_of(path);
-        let mp4 = Mp4::begin(BufWriter::new(File::create(&part)?), TIMESCALE)?;
-        Ok(Self {
-            path: path.to_owned(),
-            part,
-            mp4: Some(mp4),
-            encoder,
-            width,
-            height,
-            rate,
-            frames: 0,
-            end: 0,
-            planes: Yuv420::default(),
-        })
+        let mp4 = Mp4::begin(BufWriter::new(File::create(&part)?), scale)?;
+        Ok(Self { path: path.to_owned(), part, mp4: Some(mp4), encoder, scale, rate, frames: 0, end: 0 })
     }
 
     /// Writes the next frame, at the rate of the file.
@@ -116,7 +86,7 @@ impl Writer {
     /// If the frame has another size than the file, or cannot be encoded or written.
     pub fn push(&mut self, frame: Frame<'_>) -> Result<()> {
         // Rounded anew for each, so that no error adds up.
-        let end = ((self.frames + 1) as f64 * f64::from(TIMESCALE) / self.rate).round() as u64;
+        let end = ((self.frames + 1) as f64 * f64::from(self.scale) / self.rate).round() as u64;
         self.write(frame, end).place(place(&self.path))
     }
 
@@ -126,13 +96,13 @@ impl Writer {
     /// # Errors
     /// As [`push`](Self::push), and if it would end before it begins or last longer than a file can say.
     pub fn push_until(&mut self, frame: Frame<'_>, seconds: f64) -> Result<()> {
-        let end = (seconds * f64::from(TIMESCALE)).round() as u64;
+        let end = (seconds * f64::from(self.scale)).round() as u64;
         self.write(frame, end).place(place(&self.path))
     }
 
     fn write(&mut self, frame: Frame<'_>, end: u64) -> Result<()> {
-        let (width, height) = (self.width, self.height);
-        if (frame.width(), frame.height()) != (width, height) {
+        let [width, height] = self.encoder.size();
+        if [frame.width(), frame.height()] != [width, height] {
             let (w, h) = (frame.width(), frame.height());
             return Err(Error::new(format!(
                 "frame {} is {w} x {h}, but the video is {width} x {height}",
@@ -141,44 +111,23 @@ impl Writer {
         }
         let duration = end.checked_sub(self.end).and_then(|duration| u32::try_from(duration).ok());
         let duration = duration.ok_or_else(|| {
-            let [start, end] = [self.end, end].map(|ticks| ticks as f64 / f64::from(TIMESCALE));
+            let [start, end] = [self.end, end].map(|ticks| ticks as f64 / f64::from(self.scale));
             Error::new(format!("frame {} cannot be shown from second {start} to second {end}", self.frames))
         })?;
         let Some(mp4) = &mut self.mp4 else { return Err(Error::new("it is complete already")) };
-        self.planes.fill(frame);
-        let [luma, blue, red] = self.planes.planes();
-        let source = YUVSlices::new((luma, blue, red), (width, height), (width, width / 2, width / 2));
-        let stream = self.encoder.encode(&source).place("the frame cannot be encoded")?;
-
-        let mut parameters: [Option<Vec<u8>>; 2] = [None, None];
+        let units = self.encoder.encode(frame, false)?;
         let mut bytes = Vec::new();
-        let mut alone = false;
-        for layer in (0..stream.num_layers()).filter_map(|number| stream.layer(number)) {
-            for unit in (0..layer.nal_count()).filter_map(|number| layer.nal_unit(number)) {
-                let unit = without_start_code(unit);
-                // The kinds of ITU-T H.264, table 7-1; parameter sets are in the file's header.
-                match unit.first().map_or(0, |byte| byte & 31) {
-                    7 => parameters[0] = Some(unit.to_vec()),
-                    8 => parameters[1] = Some(unit.to_vec()),
-                    kind @ (1 | 5) => {
-                        alone |= kind == 5;
-                        bytes.extend_from_slice(&(unit.len() as u32).to_be_bytes());
-                        bytes.extend_from_slice(unit);
-                    }
-                    _ => {}
-                }
-            }
+        for unit in &units.slices {
+            bytes.extend_from_slice(&(unit.len() as u32).to_be_bytes());
+            bytes.extend_from_slice(unit);
         }
         if self.frames == 0 {
-            let [Some(sequence), Some(picture)] = parameters else {
+            let [Some(sequence), Some(picture)] = &units.parameters else {
                 return Err(Error::new("the encoder gives no parameter sets"));
             };
-            mp4.describe(width as u16, height as u16, &sequence, &picture)?;
+            mp4.describe(width as u16, height as u16, sequence, picture)?;
         }
-        if bytes.is_empty() {
-            return Err(Error::new(format!("the encoder left out frame {}", self.frames)));
-        }
-        mp4.add(&bytes, duration, alone)?;
+        mp4.add(&bytes, duration, units.alone)?;
         (self.frames, self.end) = (self.frames + 1, end);
         Ok(())
     }
@@ -227,33 +176,8 @@ impl Drop for Writer {
     }
 }
 
-fn check_size(width: usize, height: usize) -> Result<()> {
-    let even = [width, height].map(|side| side.next_multiple_of(2).max(SHORTEST));
-    if even != [width, height] {
-        let [w, h] = even;
-        return Err(Error::new(format!(
-            "{width} x {height} cannot be encoded: H.264 needs an even width and height from {SHORTEST} pixels; pad or \
-             scale the frames to {w} x {h}"
-        )));
-    }
-    if width.max(height) > LONGEST.0 || width.min(height) > LONGEST.1 {
-        let (long, short) = LONGEST;
-        return Err(Error::new(format!(
-            "{width} x {height} cannot be encoded: the encoder takes at most {long} x {short}; scale the frames"
-        )));
-    }
-    Ok(())
-}
-
 fn place(path: &Path) -> String {
     format!("cannot write the video {}", path.display())
-}
-
-fn without_start_code(unit: &[u8]) -> &[u8] {
-    match unit {
-        [0, 0, 0, 1, unit @ ..] | [0, 0, 1, unit @ ..] => unit,
-        unit => unit,
-    }
 }
 
 #[cfg(test)]
