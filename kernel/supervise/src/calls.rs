@@ -109,6 +109,10 @@ functions! {
     Observe: "observe";
     /// What becomes of a control.
     Actuate: "actuate";
+    /// How a recording is written again.
+    Form: "form";
+    /// A file of a recording that is written again.
+    Rewrite: "rewrite";
 }
 
 /// Both processes see this.

@@ -14,17 +14,19 @@ use pdk_sdk::error::Place as _;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
-use crate::sqlite::{self, Sqlite, Value};
+use crate::sqlite::{self, Sqlite};
+use crate::sqlite_row::Value;
 
-/// The table with the messages of a bag in SQLite.
-const MESSAGES: &str = "messages";
+/// The table with the messages of a bag in SQLite, and its column with what they say.
+pub const MESSAGES: &str = "messages";
+pub const DATA: &str = "data";
 /// How an MCAP file begins.
 pub const MAGIC: &[u8] = ::mcap::MAGIC;
 /// Bytes of a record, and of what a chunk unpacks to.
 const LARGEST: u64 = 1 << 29;
 
 /// Where a message lies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
     /// The number of the file.
     pub file: usize,
@@ -68,6 +70,14 @@ impl Bag {
         Self { files, kept: None }
     }
 
+    /// The file of a number.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn file(&self, number: usize) -> Result<&Path> {
+        self.files.get(number).map(PathBuf::as_path).ok_or_else(changed)
+    }
+
     /// Shows every message, in the order of the files. Returns a notice if a file ends early.
     ///
     /// # Errors
@@ -108,11 +118,11 @@ impl Bag {
 fn chunk(path: &Path, at: u64, channel: u16) -> Result<BTreeMap<u32, Vec<u8>>> {
     let (opcode, body) = Records::open(path)?.record(at)?.ok_or_else(changed)?;
     let mut messages = BTreeMap::new();
-    each_message(opcode, &body, &mut |message| {
-        if let Found::Message { ordinal, channel: of, data, .. } = message
-            && of == channel
+    each_record(opcode, &body, at, &mut |record, _, ordinal| {
+        if let Record::Message { header, data } = record
+            && header.channel_id == channel
         {
-            messages.insert(ordinal, data.to_vec());
+            messages.insert(ordinal, data.into_owned());
         }
         Ok(())
     })?;
@@ -124,7 +134,7 @@ fn row(path: &Path, at: u64) -> Result<Vec<u8>> {
     let mut file = Sqlite::open(path)?;
     let table = file.table(MESSAGES)?;
     let mut values = file.get(&table, at as i64)?.ok_or_else(changed)?;
-    match values.get_mut(table.column("data")?) {
+    match values.get_mut(table.column(DATA)?) {
         Some(Value::Bytes(data)) => Ok(std::mem::take(data)),
         _ => Err(changed()),
     }
@@ -173,29 +183,18 @@ impl Records {
     }
 }
 
-/// What records tell.
-enum Found<'a> {
-    Schema(u16, String),
-    Channel(Channel),
-    Message { ordinal: u32, channel: u16, time: u64, data: &'a [u8] },
+/// Takes a record, where it or its chunk begins, and how many messages come before it in its chunk.
+pub type Tell<'a> = &'a mut dyn FnMut(Record<'_>, u64, u32) -> Result<()>;
+
+/// The error for what does not fit the format.
+fn damaged(error: impl std::fmt::Display) -> Error {
+    Error::new(format!("it is damaged ({error}); copy it again"))
 }
 
-/// Shows what a record tells; a chunk tells what the records in it do.
-fn each_message(opcode: u8, body: &[u8], show: &mut dyn FnMut(Found<'_>) -> Result<()>) -> Result<()> {
-    let damaged = |error: ::mcap::McapError| Error::new(format!("it is damaged ({error}); copy it again"));
-    let mut ordinal = 0;
-    let mut tell = |record: Record<'_>| match record {
-        Record::Schema { header, .. } => show(Found::Schema(header.id, header.name)),
-        Record::Channel(channel) => show(Found::Channel(channel)),
-        Record::Message { header, data } => {
-            ordinal += 1;
-            let (channel, time) = (header.channel_id, header.log_time);
-            show(Found::Message { ordinal: ordinal - 1, channel, time, data: &data })
-        }
-        _ => Ok(()),
-    };
+/// Tells a record, which begins at a place; of a chunk the records in it.
+fn each_record(opcode: u8, body: &[u8], at: u64, tell: Tell<'_>) -> Result<()> {
     if opcode != op::CHUNK {
-        return tell(parse_record(opcode, body).map_err(damaged)?);
+        return tell(parse_record(opcode, body).map_err(damaged)?, at, 0);
     }
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
@@ -206,6 +205,7 @@ fn each_message(opcode: u8, body: &[u8], show: &mut dyn FnMut(Found<'_>) -> Resu
     let (code, length) = ([opcode], (body.len() as u64).to_le_bytes());
     let mut chunk = code[..].chain(&length[..]).chain(body);
     let mut left = body.len() + 9;
+    let mut ordinal = 0;
     while let Some(event) = reader.next_event() {
         match event.map_err(damaged)? {
             LinearReadEvent::ReadRequest(wanted) => {
@@ -215,24 +215,25 @@ fn each_message(opcode: u8, body: &[u8], show: &mut dyn FnMut(Found<'_>) -> Resu
                 reader.notify_read(count);
                 left -= count;
             }
-            LinearReadEvent::Record { data, opcode } => tell(parse_record(opcode, data).map_err(damaged)?)?,
+            LinearReadEvent::Record { data, opcode } => {
+                tell(parse_record(opcode, data).map_err(damaged)?, at, ordinal)?;
+                ordinal += u32::from(opcode == op::MESSAGE);
+            }
         }
     }
     Ok(())
 }
 
-fn scan(
-    file: usize,
-    path: &Path,
-    show: &mut dyn FnMut(&Message<'_>) -> Result<()>,
-) -> Result<Option<String>> {
+/// Tells the records of the data of a file that are of these kinds, and what is in its chunks. Returns a notice if it ends early.
+///
+/// # Errors
+/// If the file cannot be read, is not an MCAP file or is damaged, or `tell` returns an error.
+pub fn walk(path: &Path, kinds: fn(u8) -> bool, tell: Tell<'_>) -> Result<Option<String>> {
     let mut records = Records::open(path)?;
     let mut magic = vec![0; MAGIC.len()];
     if records.size < MAGIC.len() as u64 || records.file.read_exact(&mut magic).is_err() || magic != MAGIC {
         return Err(Error::new("it does not begin as an MCAP file"));
     }
-    let mut schemas: BTreeMap<u16, String> = BTreeMap::new();
-    let mut channels: BTreeMap<u16, Channel> = BTreeMap::new();
     let mut at = MAGIC.len() as u64;
     loop {
         let Some((opcode, length)) = records.head(at)? else {
@@ -245,35 +246,89 @@ fn scan(
         if matches!(opcode, op::DATA_END | op::FOOTER) {
             return Ok(None);
         }
-        if matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK) {
-            let Some((opcode, body)) = records.record(at)? else { continue };
-            each_message(opcode, &body, &mut |found| {
-                match found {
-                    Found::Schema(id, name) => {
-                        schemas.insert(id, name);
-                    }
-                    Found::Channel(channel) => {
-                        channels.insert(channel.id, channel);
-                    }
-                    Found::Message { ordinal, channel, time, data } => {
-                        let known = channels.get(&channel).ok_or_else(|| {
-                            Error::new("it is damaged: a message belongs to no channel; copy it again")
-                        })?;
-                        let schema = schemas.get(&known.schema_id).map_or("", String::as_str);
-                        let (topic, encoding) = (known.topic.as_str(), known.message_encoding.as_str());
-                        let place = Place { file, at, ordinal, channel: Some(channel) };
-                        show(&Message { topic, encoding, schema, time, place, data })?;
-                    }
-                }
-                Ok(())
-            })?;
+        if (kinds(opcode) || opcode == op::CHUNK)
+            && let Some((opcode, body)) = records.record(at)?
+        {
+            each_record(opcode, &body, at, tell)?;
         }
         at += 9 + length;
     }
 }
 
+/// The first record of the data of a file that is of one of these kinds; none if there is none.
+///
+/// # Errors
+/// If the file cannot be read, or the record is damaged.
+pub fn first_record(path: &Path, kinds: fn(u8) -> bool) -> Result<Option<Record<'static>>> {
+    let mut records = Records::open(path)?;
+    let mut at = MAGIC.len() as u64;
+    while let Some((opcode, length)) = records.head(at)? {
+        if kinds(opcode) {
+            let body = records.record(at)?;
+            let parsed = body.map(|(opcode, body)| parse_record(opcode, &body).map(Record::into_owned));
+            return parsed.transpose().map_err(damaged);
+        }
+        if matches!(opcode, op::DATA_END | op::FOOTER) {
+            break;
+        }
+        at += 9 + length;
+    }
+    Ok(None)
+}
+
+/// The schemas and channels of a file, as far as it was read.
+#[derive(Default)]
+pub struct Known {
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Channel>,
+}
+
+impl Known {
+    /// Shows the message of a record; notes what a record tells of later ones.
+    ///
+    /// # Errors
+    /// If the message belongs to no channel, or `show` returns an error.
+    pub fn show<T>(
+        &mut self,
+        file: usize,
+        (record, at, ordinal): (&Record<'_>, u64, u32),
+        show: &mut dyn FnMut(&Message<'_>) -> Result<T>,
+    ) -> Result<Option<T>> {
+        match record {
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name.clone());
+            }
+            Record::Channel(channel) => {
+                self.channels.insert(channel.id, channel.clone());
+            }
+            Record::Message { header, data } => {
+                let known = self.channels.get(&header.channel_id).ok_or_else(|| {
+                    Error::new("it is damaged: a message belongs to no channel; copy it again")
+                })?;
+                let schema = self.schemas.get(&known.schema_id).map_or("", String::as_str);
+                let (topic, encoding) = (known.topic.as_str(), known.message_encoding.as_str());
+                let place = Place { file, at, ordinal, channel: Some(header.channel_id) };
+                return show(&Message { topic, encoding, schema, time: header.log_time, place, data })
+                    .map(Some);
+            }
+            _ => {}
+        }
+        Ok(None)
+    }
+}
+
+fn scan(
+    file: usize,
+    path: &Path,
+    show: &mut dyn FnMut(&Message<'_>) -> Result<()>,
+) -> Result<Option<String>> {
+    let mut known = Known::default();
+    let kinds = |opcode| matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE);
+    walk(path, kinds, &mut |record, at, ordinal| known.show(file, (&record, at, ordinal), show).map(drop))
+}
+
 /// Whether a file begins as one of SQLite. What cannot be read is reported by its reader.
-fn is_sqlite(path: &Path) -> bool {
+pub fn is_sqlite(path: &Path) -> bool {
     let mut head = Vec::new();
     let read = file::open(path).map(|(file, _)| file.take(sqlite::MAGIC.len() as u64).read_to_end(&mut head));
     read.is_ok_and(|read| read.is_ok()) && head == sqlite::MAGIC
@@ -281,13 +336,44 @@ fn is_sqlite(path: &Path) -> bool {
 
 fn scan_rows(file: usize, path: &Path, show: &mut dyn FnMut(&Message<'_>) -> Result<()>) -> Result<()> {
     let mut bag = Sqlite::open(path)?;
-    let topics = sqlite::topics(&mut bag)?;
+    let rows = Rows::of(&mut bag, file)?;
     let table = bag.table(MESSAGES)?;
-    let [topic, time, data] = ["topic_id", "timestamp", "data"].map(|name| table.column(name));
-    let (topic, time, data) = (topic?, time?, data?);
-    bag.scan(&table, &mut |number, row| {
+    bag.scan(&table, &mut |number, row| rows.show(number, row, show))
+}
+
+/// How the rows of a bag in SQLite are messages.
+pub struct Rows {
+    file: usize,
+    topics: sqlite::Topics,
+    /// The columns of the topic, the time and the content.
+    columns: [usize; 3],
+}
+
+impl Rows {
+    /// Those of the file of this number.
+    ///
+    /// # Errors
+    /// If it is not a bag, or is damaged.
+    pub fn of(bag: &mut Sqlite, file: usize) -> Result<Self> {
+        let topics = sqlite::topics(bag)?;
+        let table = bag.table(MESSAGES)?;
+        let [topic, time, data] = ["topic_id", "timestamp", DATA].map(|name| table.column(name));
+        Ok(Self { file, topics, columns: [topic?, time?, data?] })
+    }
+
+    /// Shows the message of a row.
+    ///
+    /// # Errors
+    /// If the row is not one, or `show` returns an error.
+    pub fn show<T>(
+        &self,
+        number: i64,
+        row: &[Value],
+        show: &mut dyn FnMut(&Message<'_>) -> Result<T>,
+    ) -> Result<T> {
+        let [topic, time, data] = self.columns;
         let whole = |place: usize| row.get(place).and_then(Value::whole);
-        let of_topic = whole(topic).and_then(|topic| topics.get(&topic));
+        let of_topic = whole(topic).and_then(|topic| self.topics.get(&topic));
         let (Some([topic, schema, encoding]), Some(time), Some(Value::Bytes(data))) =
             (of_topic, whole(time), row.get(data))
         else {
@@ -295,7 +381,7 @@ fn scan_rows(file: usize, path: &Path, show: &mut dyn FnMut(&Message<'_>) -> Res
                 "it is damaged: message {number} has no topic, time or content; copy it again"
             )));
         };
-        let place = Place { file, at: number as u64, ordinal: 0, channel: None };
+        let place = Place { file: self.file, at: number as u64, ordinal: 0, channel: None };
         show(&Message { topic, encoding, schema, time: time.max(0) as u64, place, data })
-    })
+    }
 }

@@ -3,6 +3,9 @@
 
 use pdk_sdk::prelude::*;
 
+/// Bytes before the fields of a message.
+const HEAD: usize = 4;
+
 /// Reads the fields of a message one after the other.
 pub struct Cdr<'a> {
     bytes: &'a [u8],
@@ -37,6 +40,22 @@ impl<'a> Cdr<'a> {
             bytes.reverse();
         }
         Ok(bytes)
+    }
+
+    /// Where in the message the next field is looked for.
+    pub fn place(&self) -> usize {
+        HEAD + self.at
+    }
+
+    /// Passes a number of this many bytes, and tells where in the message its sign is.
+    ///
+    /// # Errors
+    /// If the message ends before it.
+    pub fn pass_sign(&mut self, bytes: usize) -> Result<usize> {
+        self.at = self.at.next_multiple_of(bytes);
+        let begin = self.place();
+        self.take(bytes)?;
+        Ok(if self.is_little { begin + bytes - 1 } else { begin })
     }
 
     /// A byte.
@@ -81,6 +100,33 @@ impl<'a> Cdr<'a> {
     }
 }
 
+/// A message in which the field of bytes at this place has others. Only bytes or a text may follow it, whose length lies at a multiple of its size.
+///
+/// # Errors
+/// If the message ends before the field does.
+pub fn with_bytes(message: &[u8], place: usize, bytes: &[u8]) -> Result<Vec<u8>> {
+    let mut cdr = Cdr::new(message)?;
+    cdr.at = place - HEAD;
+    cdr.bytes()?;
+    let behind = message.get(HEAD + cdr.at.next_multiple_of(4)..).unwrap_or_default();
+    let mut written = message[..place.min(message.len())].to_vec();
+    let length =
+        u32::try_from(bytes.len()).map_err(|_| Error::new("the picture is too large for a message"))?;
+    align(&mut written);
+    written.extend(if cdr.is_little { length.to_le_bytes() } else { length.to_be_bytes() });
+    written.extend_from_slice(bytes);
+    if !behind.is_empty() {
+        align(&mut written);
+        written.extend_from_slice(behind);
+    }
+    Ok(written)
+}
+
+/// Fills up to where a length may lie.
+fn align(message: &mut Vec<u8>) {
+    message.resize(HEAD + (message.len() - HEAD).next_multiple_of(4), 0);
+}
+
 fn cut_off() -> Error {
     Error::new("the message is cut off")
 }
@@ -103,7 +149,27 @@ mod tests {
         let mut cdr = Cdr::new(&big).unwrap();
         assert_eq!((cdr.u32().unwrap(), cdr.f32().unwrap()), (1, 1.5));
         assert!(Cdr::new(&[0, 3, 0, 0]).is_err() && Cdr::new(&[0]).is_err());
+        let mut cdr = Cdr::new(&big).unwrap();
+        assert_eq!((cdr.pass_sign(4).unwrap(), cdr.pass_sign(4).unwrap(), cdr.place()), (4, 8, 12));
+        assert_eq!(Cdr::new(&little).unwrap().pass_sign(8).unwrap(), 11);
         let huge = [0, 1, 0, 0, 0xff, 0xff, 0xff, 0xff, 1];
         assert!(Cdr::new(&huge).unwrap().bytes().is_err());
+    }
+
+    #[test]
+    fn bytes_are_exchanged_whatever_comes_behind_them() {
+        for (message, expected) in [
+            (&[0, 1, 0, 0, 2, 0, 0, 0, 7, 8][..], &[0, 1, 0, 0, 3, 0, 0, 0, 1, 2, 3][..]),
+            (
+                &[0, 0, 0, 0, 0, 0, 0, 2, 7, 8, 0, 0, 0, 0, 0, 1, 9],
+                &[0, 0, 0, 0, 0, 0, 0, 3, 1, 2, 3, 0, 0, 0, 0, 1, 9],
+            ),
+        ] {
+            assert_eq!(with_bytes(message, 4, &[1, 2, 3]).unwrap(), expected);
+            assert!(with_bytes(&message[..9], 4, &[1]).is_err());
+        }
+        // The field before it ends where no length may lie.
+        let odd = [0, 1, 0, 0, 1, 0, 0, 0, b'a', 0, 0, 0, 1, 0, 0, 0, 7];
+        assert_eq!(with_bytes(&odd, 9, &[8, 9]).unwrap()[8..], [b'a', 0, 0, 0, 2, 0, 0, 0, 8, 9]);
     }
 }

@@ -20,8 +20,9 @@ use pdk_video::Video;
 use crate::inside::Inside;
 use crate::label::{Label, range};
 use crate::listing::names;
-use crate::place::{Named, beyond, unsuitable};
-use crate::reel::Reel;
+use crate::npy_copy;
+use crate::place::{Named, beyond, not_listed, unsuitable};
+use crate::reel::{self, Reel};
 use crate::video::nearest;
 
 /// The video of a segment, which marks its folder.
@@ -40,6 +41,7 @@ const UNIT: &str = "degrees of the steering wheel";
 /// Reads segments of comma2k19.
 pub struct Comma2k19 {
     folder: Inside,
+    root: PathBuf,
     segments: Vec<Segment>,
     /// Where the frames of each segment begin, and the number of all.
     starts: Vec<usize>,
@@ -92,7 +94,7 @@ impl Component for Comma2k19 {
                 "it has no folder with {VIDEO} and {TIMES}, as comma2k19 has"
             )));
         }
-        Self::of_segments(config, folder, found)
+        Self::of_segments(config, folder, root, found)
             .map_err(|error| error.at(format_args!("comma2k19 `{}`", path.display())))
     }
 
@@ -128,7 +130,7 @@ fn find(root: &Path, inside: &Path, deeper: usize, found: &mut Vec<PathBuf>) -> 
 }
 
 impl Comma2k19 {
-    fn of_segments(config: &Config, folder: Inside, found: Vec<PathBuf>) -> Result<Self> {
+    fn of_segments(config: &Config, folder: Inside, root: PathBuf, found: Vec<PathBuf>) -> Result<Self> {
         let tolerance = config.number("tolerance");
         let mut segments: Vec<Segment> = Vec::new();
         let (mut starts, mut steering, mut raw) = (vec![0], Vec::new(), Vec::new());
@@ -171,6 +173,7 @@ impl Comma2k19 {
         Ok(Self {
             labels: labels.collect(),
             folder,
+            root,
             segments,
             starts,
             told: told.map(|(name, what)| (name.to_owned(), what)).into(),
@@ -259,7 +262,7 @@ impl Dataset for Comma2k19 {
         let (segment, frame) = self.place(index).ok_or_else(|| beyond(index, self.labels.len()))?;
         let segment = &self.segments[segment];
         let (path, time) = (self.folder.path(&segment.name.join(VIDEO))?, segment.times[frame]);
-        let open = || Video::with_times(&path, "a stream of H.265", ends(&segment.times));
+        let open = || stream(&path, segment);
         let picture = self.reel.read(&path, open, |_| Ok(frame as u32))?;
         Ok(Entry {
             frame: picture,
@@ -283,6 +286,62 @@ impl Dataset for Comma2k19 {
     fn info(&self) -> Vec<(String, String)> {
         self.told.clone()
     }
+
+    fn form(&self) -> Result<Option<Form>> {
+        let mut files = Vec::new();
+        // All have the same codec.
+        let mut stored = None;
+        for segment in &self.segments {
+            let name = segment.name.join(VIDEO);
+            let stored = match &mut stored {
+                Some(stored) => stored,
+                none => none.insert(stream(&self.folder.path(&name)?, segment)?.recoding()?.describe()),
+            };
+            let name = name.to_string_lossy().into_owned();
+            files.push(FormFile { name, frames: segment.times.len(), stored: stored.clone() });
+            let steering = segment.name.join(STEERING).join("value");
+            if self.folder.path(&steering).is_ok() {
+                let name = steering.to_string_lossy().into_owned();
+                files.push(FormFile { name, frames: 0, stored: String::new() });
+            }
+        }
+        let undropped = Some("they are arrays beside others that need them".to_owned());
+        Ok(Some(Form { folder: self.root.clone(), files, whole: true, undropped, ..Form::default() }))
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        let own = |segment: &Segment| Path::new(&wanted.file).starts_with(&segment.name);
+        let number = self.segments.iter().position(own).ok_or_else(|| not_listed(&wanted.file))?;
+        let (segment, start) = (&self.segments[number], self.starts[number]);
+        if segment.name.join(VIDEO) == Path::new(&wanted.file) {
+            let mut video = stream(&self.folder.path(Path::new(&wanted.file))?, segment)?;
+            return reel::rewrite(&mut video, &wanted.into, None, &|frame| start + frame as usize, perturb);
+        }
+        let value = Path::new(&wanted.file);
+        if value != segment.name.join(STEERING).join("value") {
+            return Err(not_listed(&wanted.file));
+        }
+        // Times of the car count from the start of the device, those of the frames from the first frame of the route.
+        let frames = array(&self.folder, &segment.name.join(TIMES))?;
+        let times = array(&self.folder, &segment.name.join(STEERING).join("t"))?;
+        let mirrored = |number: usize| {
+            let time = times.get(number).copied().unwrap_or_default();
+            let behind = frames.partition_point(|frame| *frame < time);
+            let around = behind.saturating_sub(1)..(behind + 1).min(frames.len());
+            let near = |frame: &usize| (frames[*frame] - time).abs();
+            let nearest = around.min_by(|a, b| near(a).total_cmp(&near(b)));
+            wanted.mirrors(start + nearest.unwrap_or_default())
+        };
+        let path = self.folder.path(value)?;
+        let content =
+            file::read(&path, LARGEST_ARRAY).place(format_args!("cannot read `{}`", path.display()))?;
+        Ok(std::fs::write(&wanted.into, npy_copy::with_other_sign(&content, &mirrored)?)?)
+    }
+}
+
+/// The video of a segment.
+fn stream(path: &Path, segment: &Segment) -> Result<Video> {
+    Video::with_times(path, "a stream of H.265", ends(&segment.times))
 }
 
 /// Times of frames after the first one, and when the last one ends, which is as late as if it lasted as long as the one before it.

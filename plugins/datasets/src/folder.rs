@@ -1,8 +1,8 @@
 //! Folders of images with one record each.
 //!
 //! The published format: images `N_text.jpg` (or `.jpeg`, `.png`) and beside each a `record_N.json` with `user/angle`
-//! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form, and so has what `pdk corrupt` writes of
-//! recordings whose frames are not files.
+//! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form, and so has what `pdk corrupt --plain`
+//! writes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -5,6 +5,7 @@ use pdk_sdk::prelude::*;
 use prost::Message as _;
 
 use crate::cdr::Cdr;
+use crate::protobuf;
 
 /// How a message of Foxglove is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +21,29 @@ pub fn damaged(error: prost::DecodeError) -> Error {
     Error::new(format!("the message is damaged ({error})"))
 }
 
+/// A message of Foxglove.
+pub trait Foxglove: prost::Message + Default {
+    /// Reads the fields behind the time and the name of a place.
+    ///
+    /// # Errors
+    /// If the message is damaged.
+    fn of_fields(timestamp: Timestamp, cdr: &mut Cdr<'_>) -> Result<Self>;
+
+    /// Reads a message.
+    ///
+    /// # Errors
+    /// If it is damaged.
+    fn read(stored: Stored, message: &[u8]) -> Result<Self> {
+        match stored {
+            Stored::Protobuf => Self::decode(message).map_err(damaged),
+            Stored::Ros2 => {
+                let mut cdr = Cdr::new(message)?;
+                Self::of_fields(Timestamp::of_header(&mut cdr)?, &mut cdr)
+            }
+        }
+    }
+}
+
 /// `foxglove.CompressedImage`.
 #[derive(Clone, PartialEq, prost::Message)]
 pub struct CompressedImage {
@@ -31,19 +55,9 @@ pub struct CompressedImage {
     pub data: Vec<u8>,
 }
 
-impl CompressedImage {
-    /// Reads a message.
-    ///
-    /// # Errors
-    /// If it is damaged.
-    pub fn read(stored: Stored, message: &[u8]) -> Result<Self> {
-        match stored {
-            Stored::Protobuf => Self::decode(message).map_err(damaged),
-            Stored::Ros2 => {
-                let mut cdr = Cdr::new(message)?;
-                Ok(Self { timestamp: Some(Timestamp::of_header(&mut cdr)?), data: cdr.bytes()?.to_vec() })
-            }
-        }
+impl Foxglove for CompressedImage {
+    fn of_fields(timestamp: Timestamp, cdr: &mut Cdr<'_>) -> Result<Self> {
+        Ok(Self { timestamp: Some(timestamp), data: cdr.bytes()?.to_vec() })
     }
 }
 
@@ -70,22 +84,12 @@ pub struct RawImage {
     pub data: Vec<u8>,
 }
 
-impl RawImage {
-    /// Reads a message.
-    ///
-    /// # Errors
-    /// If it is damaged.
-    pub fn read(stored: Stored, message: &[u8]) -> Result<Self> {
-        match stored {
-            Stored::Protobuf => Self::decode(message).map_err(damaged),
-            Stored::Ros2 => {
-                let mut cdr = Cdr::new(message)?;
-                let timestamp = Some(Timestamp::of_header(&mut cdr)?);
-                let (width, height) = (cdr.u32()?, cdr.u32()?);
-                let encoding = cdr.text()?.to_owned();
-                Ok(Self { timestamp, width, height, encoding, step: cdr.u32()?, data: cdr.bytes()?.to_vec() })
-            }
-        }
+impl Foxglove for RawImage {
+    fn of_fields(timestamp: Timestamp, cdr: &mut Cdr<'_>) -> Result<Self> {
+        let (width, height) = (cdr.u32()?, cdr.u32()?);
+        let encoding = cdr.text()?.to_owned();
+        let step = cdr.u32()?;
+        Ok(Self { timestamp: Some(timestamp), width, height, encoding, step, data: cdr.bytes()?.to_vec() })
     }
 }
 
@@ -103,20 +107,10 @@ pub struct CompressedVideo {
     pub format: String,
 }
 
-impl CompressedVideo {
-    /// Reads a message.
-    ///
-    /// # Errors
-    /// If it is damaged.
-    pub fn read(stored: Stored, message: &[u8]) -> Result<Self> {
-        match stored {
-            Stored::Protobuf => Self::decode(message).map_err(damaged),
-            Stored::Ros2 => {
-                let mut cdr = Cdr::new(message)?;
-                let timestamp = Some(Timestamp::of_header(&mut cdr)?);
-                Ok(Self { timestamp, data: cdr.bytes()?.to_vec(), format: cdr.text()?.to_owned() })
-            }
-        }
+impl Foxglove for CompressedVideo {
+    fn of_fields(timestamp: Timestamp, cdr: &mut Cdr<'_>) -> Result<Self> {
+        let data = cdr.bytes()?.to_vec();
+        Ok(Self { timestamp: Some(timestamp), data, format: cdr.text()?.to_owned() })
     }
 }
 
@@ -138,8 +132,16 @@ impl Timestamp {
         Ok(Self { seconds: (time / 1_000_000_000) as i64, nanos: (time % 1_000_000_000) as i32 })
     }
 
+    /// The time of a message in Protocol Buffers, in nanoseconds; 0 if it has none.
+    ///
+    /// # Errors
+    /// If the message is damaged.
+    pub fn of_message(message: &[u8]) -> Result<u64> {
+        Ok(Self::decode(protobuf::bytes(message, 1)?).map_err(damaged)?.nanoseconds())
+    }
+
     /// In nanoseconds.
-    pub fn nanoseconds(self) -> u64 {
+    fn nanoseconds(self) -> u64 {
         let nanoseconds = i128::from(self.seconds) * 1_000_000_000 + i128::from(self.nanos);
         u64::try_from(nanoseconds).unwrap_or_default()
     }

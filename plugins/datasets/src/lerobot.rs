@@ -8,20 +8,22 @@ use std::path::{Path, PathBuf};
 
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Value};
-use pdk_video::Video;
+use pdk_video::{Recoding, Video};
 
 use crate::elements::{Element, choose, elements};
 use crate::inside::Inside;
 use crate::label::{Label, Units, pedals, range};
 use crate::listing::{ends_in, names};
 use crate::parquet::columns;
-use crate::place::{Named, beyond, unsuitable};
-use crate::reel::Reel;
+use crate::place::{Named, beyond, not_listed, unsuitable};
+use crate::reel::{self, Reel};
 
 /// The file that says what a recording of LeRobot holds.
 pub const INFO: &str = "meta/info.json";
 /// Episodes of version 2 are in folders of this many, if nothing else is said.
 const CHUNK: u64 = 1000;
+/// Frames from one that can be decoded alone to the next, as LeRobot writes videos, so that any of them is soon read.
+const KEYS: u32 = 2;
 /// More episodes than this are not believed.
 const MOST: u64 = 1 << 22;
 /// The words by which steering, throttle, brake and speed are known.
@@ -40,6 +42,9 @@ pub struct LeRobot {
     /// The files besides the videos.
     files: Vec<PathBuf>,
     camera: String,
+    /// Other features with videos.
+    others: Vec<String>,
+    root: PathBuf,
     /// Frames a second.
     rate: f64,
     told: Vec<(String, String)>,
@@ -172,7 +177,11 @@ impl LeRobot {
             });
             frames.push(Frame { episode, number, time, label, video, at: from + time });
         }
-        Ok(Self { folder, frames, videos, files, camera, rate, told, reel: Reel::default() })
+        let is_other = |(name, what): &(&String, &Value)| what["dtype"] == "video" && **name != camera;
+        let features = info["features"].as_object().into_iter().flatten();
+        let others = features.filter(is_other).map(|(name, _)| name.clone()).collect();
+        let root = root.to_owned();
+        Ok(Self { folder, frames, videos, files, camera, others, root, rate, told, reel: Reel::default() })
     }
 }
 
@@ -344,6 +353,50 @@ impl Dataset for LeRobot {
 
     fn info(&self) -> Vec<(String, String)> {
         self.told.clone()
+    }
+
+    fn form(&self) -> Result<Option<Form>> {
+        let Some(first) = self.videos.first() else { return Ok(None) };
+        // All have the same codec.
+        let stored = Recoding::of(&self.folder.path(first)?)?.describe();
+        let mut counts = vec![0; self.videos.len()];
+        self.frames.iter().for_each(|frame| counts[frame.video] += 1);
+        let file = |(name, frames): (&PathBuf, usize)| FormFile {
+            name: name.to_string_lossy().into_owned(),
+            frames,
+            stored: stored.clone(),
+        };
+        let mut notes = Vec::new();
+        if !self.others.is_empty() {
+            notes.push(format!(
+                "the videos of {} are carried over as they are; `camera` of the reader chooses the feature",
+                self.others.join(", ")
+            ));
+        }
+        Ok(Some(Form {
+            folder: self.root.clone(),
+            files: self.videos.iter().zip(counts).map(file).collect(),
+            whole: true,
+            unturned: Some("it lies in Parquet files, and statistics of it beside them".to_owned()),
+            undropped: Some("they lie in Parquet files with the times of the frames".to_owned()),
+            notes,
+        }))
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        let number = self.videos.iter().position(|name| name.to_string_lossy() == wanted.file);
+        let number = number.ok_or_else(|| not_listed(&wanted.file))?;
+        let mut video = Video::open(&self.folder.path(&self.videos[number])?)?;
+        // A frame of the video that is not in the tables is as the one before it.
+        let mut recorded = vec![None; video.count() as usize];
+        for (index, frame) in self.frames.iter().enumerate().filter(|(_, frame)| frame.video == number) {
+            if let Some(place) = shown_at(&video, frame.at, 0.5 / self.rate) {
+                recorded[place as usize] = Some(index);
+            }
+        }
+        let first = recorded.iter().flatten().next().copied().unwrap_or_default();
+        let before = |frame: u32| recorded[..=frame as usize].iter().rev().flatten().next().copied();
+        reel::rewrite(&mut video, &wanted.into, Some(KEYS), &|frame| before(frame).unwrap_or(first), perturb)
     }
 }
 

@@ -12,6 +12,9 @@
 //! | [`Tub`] | a DonkeyCar tub of version 2 |
 //! | [`Video`] | a video, with a CSV file or without |
 //!
+//! Those of recordings whose frames are not files of their own write them again, with other pictures and all else as it is: files of bags
+//! (`bag_copy`, `sqlite_copy`, `message_copy`), videos (`reel`), and what was recorded beside videos (`table_copy`, `npy_copy`).
+//!
 //! All follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
 //! frames, no index) is an error when the reader is made. What is wrong with one frame (a missing or damaged image,
 //! a record without steering) is an error when that frame is read, so that a run can count it, name it and go on.
@@ -19,6 +22,7 @@
 //! of the readers finds a recording suitable.
 
 mod bag;
+mod bag_copy;
 mod cdr;
 mod clock;
 mod comma2k19;
@@ -32,17 +36,24 @@ mod lerobot;
 mod listing;
 mod mcap;
 mod message;
+mod message_copy;
 mod mosaic;
+mod npy_copy;
 mod parquet;
 mod pictures;
 mod place;
+mod protobuf;
 mod raw;
 mod record;
 mod reel;
 mod rosbag2;
 mod sqlite;
+mod sqlite_copy;
+mod sqlite_row;
 mod table;
+mod table_copy;
 mod topics;
+mod topics_copy;
 mod tub;
 mod video;
 

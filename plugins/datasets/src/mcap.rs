@@ -1,7 +1,7 @@
 //! MCAP files: pictures of ROS 2 and Foxglove, with steering and speed from other topics. Traces of pdk are such files.
 
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
@@ -11,7 +11,11 @@ use crate::place::{Named, unsuitable};
 use crate::topics::Drive;
 
 /// Reads an MCAP file.
-pub struct Mcap(Drive);
+pub struct Mcap {
+    drive: Drive,
+    folder: PathBuf,
+    name: PathBuf,
+}
 
 impl Component for Mcap {
     fn description() -> Description {
@@ -24,7 +28,7 @@ impl Component for Mcap {
 
     fn new(config: &Config) -> Result<Self> {
         let path = Path::new(config.text("path"));
-        let Named { file: Some(name), folder, .. } = Named::new(path)? else {
+        let Named { file: Some(name), folder, path: root } = Named::new(path)? else {
             return Err(unsuitable("it is not an MCAP file"));
         };
         let mut magic = Vec::new();
@@ -32,30 +36,39 @@ impl Component for Mcap {
         if magic != MAGIC {
             return Err(unsuitable("it does not begin as an MCAP file"));
         }
-        let drive = Drive::new(config, Bag::new(vec![folder.path(&name)?]));
-        drive.map(Self).map_err(|error| error.at(format_args!("MCAP file `{}`", path.display())))
+        let drive = Drive::new(config, Bag::new(vec![folder.path(&name)?]))
+            .map_err(|error| error.at(format_args!("MCAP file `{}`", path.display())))?;
+        Ok(Self { drive, folder: root, name })
     }
 }
 
 impl Dataset for Mcap {
     fn len(&self) -> usize {
-        self.0.len()
+        self.drive.len()
     }
 
     fn name(&self, index: usize) -> String {
-        self.0.name(index)
+        self.drive.name(index)
     }
 
     fn read(&mut self, index: usize) -> Result<Entry> {
-        self.0.read(index)
+        self.drive.read(index)
     }
 
     fn position(&self, index: usize) -> Position {
-        self.0.position(index)
+        self.drive.position(index)
     }
 
     fn info(&self) -> Vec<(String, String)> {
-        self.0.info()
+        self.drive.info()
+    }
+
+    fn form(&self) -> Result<Option<Form>> {
+        Ok(Some(self.drive.form(&self.folder, std::slice::from_ref(&self.name), false)))
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        self.drive.rewrite(0, wanted, perturb)
     }
 }
 

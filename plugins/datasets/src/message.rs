@@ -5,7 +5,8 @@ use pdk_video::{Stream, Yuv420, begins_anew};
 use prost::Message as _;
 
 use crate::cdr::Cdr;
-use crate::foxglove::{CompressedImage, CompressedVideo, RawImage, Stored, damaged};
+use crate::foxglove::{CompressedImage, CompressedVideo, Foxglove, RawImage, Stored, Timestamp, damaged};
+use crate::protobuf;
 use crate::raw::Raw;
 
 /// Kinds of messages with a picture.
@@ -46,16 +47,20 @@ impl Picture {
     /// # Errors
     /// If the message is damaged.
     pub fn look(self, data: &[u8]) -> Result<(u64, bool)> {
-        let stamp = |stamp: Option<crate::foxglove::Timestamp>| {
-            stamp.map_or(0, crate::foxglove::Timestamp::nanoseconds)
-        };
         Ok(match self {
-            Self::Compressed | Self::Image => (Cdr::new(data)?.header()?, true),
-            Self::FoxgloveCompressed(stored) => (stamp(CompressedImage::read(stored, data)?.timestamp), true),
-            Self::FoxgloveRaw(stored) => (stamp(RawImage::read(stored, data)?.timestamp), true),
-            Self::FoxgloveVideo(stored) => {
-                let video = CompressedVideo::read(stored, data)?;
-                (stamp(video.timestamp), begins_anew(&video.data))
+            Self::Compressed
+            | Self::Image
+            | Self::FoxgloveCompressed(Stored::Ros2)
+            | Self::FoxgloveRaw(Stored::Ros2) => (Cdr::new(data)?.header()?, true),
+            Self::FoxgloveVideo(Stored::Ros2) => {
+                let mut cdr = Cdr::new(data)?;
+                (cdr.header()?, begins_anew(cdr.bytes()?))
+            }
+            Self::FoxgloveCompressed(Stored::Protobuf) | Self::FoxgloveRaw(Stored::Protobuf) => {
+                (Timestamp::of_message(data)?, true)
+            }
+            Self::FoxgloveVideo(Stored::Protobuf) => {
+                (Timestamp::of_message(data)?, begins_anew(protobuf::bytes(data, 3)?))
             }
         })
     }

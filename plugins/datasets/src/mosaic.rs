@@ -29,6 +29,13 @@ impl Mosaic {
         usize::from((x + self.red[0]) % 2 == 1) + usize::from((y + self.red[1]) % 2 == 1)
     }
 
+    /// What the sensor has of a row of a picture.
+    pub fn pick(&self, y: usize, row: &[u8], into: &mut [u8]) {
+        for (x, (out, pixel)) in into.iter_mut().zip(row.chunks_exact(3)).enumerate() {
+            *out = pixel[self.colour(x, y)];
+        }
+    }
+
     /// The picture, whose rows begin every `step` bytes; it has at least two pixels on each side.
     pub fn frame(&self, data: &[u8], width: usize, height: usize, step: usize) -> FrameBuf {
         let mut frame = FrameBuf::new(width, height);

@@ -50,3 +50,8 @@ pub fn unsuitable(what: impl std::fmt::Display) -> Error {
 pub fn beyond(index: usize, len: usize) -> Error {
     Error::new(format!("the recording has {len} frames, so there is no frame {index}"))
 }
+
+/// The error for a file that a recording does not have.
+pub fn not_listed(name: &str) -> Error {
+    Error::new(format!("the recording has no file `{name}`; run the command again if its folder has changed"))
+}

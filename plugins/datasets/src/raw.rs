@@ -26,6 +26,42 @@ impl Raw<'_> {
     /// # Errors
     /// If it is too large, is stored in another way, or has too few bytes.
     pub fn to_frame(&self) -> Result<FrameBuf> {
+        let stored = self.stored()?;
+        let (width, height, step) = (self.width as usize, self.height as usize, self.step as usize);
+        let layout = match stored {
+            Stored::Mosaic(mosaic) => return Ok(mosaic.frame(self.data, width, height, step)),
+            Stored::Layout(layout) => layout,
+        };
+        let mut frame = FrameBuf::new(width, height);
+        let mut into = frame.as_mut();
+        for (y, from) in self.data.chunks(step).take(height).enumerate() {
+            layout.convert(&from[..width * layout.bytes()], into.row_mut(y));
+        }
+        Ok(frame)
+    }
+
+    /// The pixels of another picture of the same size, stored as those of this one: with its gaps between rows, and its alpha.
+    ///
+    /// # Errors
+    /// As [`to_frame`](Self::to_frame), and if the frame has another size.
+    pub fn with_picture(&self, frame: Frame<'_>) -> Result<Vec<u8>> {
+        let stored = self.stored()?;
+        let (width, height, step) = (self.width as usize, self.height as usize, self.step as usize);
+        if (frame.width(), frame.height()) != (width, height) {
+            return Err(Error::new("the perturbed picture has another size"));
+        }
+        let mut data = self.data.to_vec();
+        for (y, into) in data.chunks_mut(step).take(height).enumerate() {
+            match &stored {
+                Stored::Mosaic(mosaic) => mosaic.pick(y, frame.row(y), &mut into[..width]),
+                Stored::Layout(layout) => layout.store(frame.row(y), &mut into[..width * layout.bytes()]),
+            }
+        }
+        Ok(data)
+    }
+
+    /// How the pixels are stored, as many as there have to be.
+    fn stored(&self) -> Result<Stored> {
         check_size(self.width, self.height)?;
         if self.width == 0 || self.height == 0 {
             return Err(Error::new("it has no pixels"));
@@ -35,11 +71,7 @@ impl Raw<'_> {
         if let Some(mosaic) = Mosaic::of(&encoding) {
             let fits =
                 width > 1 && height > 1 && step >= width && self.data.len() >= step * (height - 1) + width;
-            return if fits {
-                Ok(mosaic.frame(self.data, width, height, step))
-            } else {
-                Err(self.does_not_fit())
-            };
+            return if fits { Ok(Stored::Mosaic(mosaic)) } else { Err(self.does_not_fit()) };
         }
         let layout = Layout::of(&encoding).ok_or_else(|| {
             Error::new(format!(
@@ -53,12 +85,7 @@ impl Raw<'_> {
         if !enough || (layout.is_yuv() && width % 2 == 1) {
             return Err(self.does_not_fit());
         }
-        let mut frame = FrameBuf::new(width, height);
-        let mut into = frame.as_mut();
-        for (y, from) in self.data.chunks(step).take(height).enumerate() {
-            layout.convert(&from[..row], into.row_mut(y));
-        }
-        Ok(frame)
+        Ok(Stored::Layout(layout))
     }
 
     fn does_not_fit(&self) -> Error {
@@ -68,6 +95,14 @@ impl Raw<'_> {
             data.len()
         ))
     }
+}
+
+/// How pixels are stored.
+enum Stored {
+    /// Each has one colour.
+    Mosaic(Mosaic),
+    /// Each has all.
+    Layout(Layout),
 }
 
 /// Where the channels of a pixel lie.
@@ -103,6 +138,36 @@ impl Layout {
         matches!(self, Self::Yuv422(..))
     }
 
+    /// Stores a row of RGB; what is not a colour stays.
+    fn store(&self, from: &[u8], into: &mut [u8]) {
+        match self {
+            Self::Colours(1, _) => {
+                for (out, pixel) in into.iter_mut().zip(from.chunks_exact(3)) {
+                    *out = luma([pixel[0], pixel[1], pixel[2]]);
+                }
+            }
+            Self::Colours(bytes, places) => {
+                for (out, pixel) in into.chunks_exact_mut(*bytes).zip(from.chunks_exact(3)) {
+                    for (place, value) in places.iter().zip(pixel) {
+                        out[*place] = *value;
+                    }
+                }
+            }
+            Self::Yuv422(lumas, chroma) => {
+                for (pair, pixels) in into.chunks_exact_mut(4).zip(from.chunks_exact(6)) {
+                    let [first, second] =
+                        [0, 3].map(|at| Yuv420::components([pixels[at], pixels[at + 1], pixels[at + 2]]));
+                    for (place, value) in lumas.iter().zip([first[0], second[0]]) {
+                        pair[*place] = value;
+                    }
+                    for (place, channel) in chroma.iter().zip([1, 2]) {
+                        pair[*place] = first[channel].midpoint(second[channel]);
+                    }
+                }
+            }
+        }
+    }
+
     fn convert(&self, from: &[u8], into: &mut [u8]) {
         match self {
             Self::Colours(bytes, places) => {
@@ -121,9 +186,55 @@ impl Layout {
     }
 }
 
+/// The brightness of a pixel as ITU-R BT.601 weighs its channels; that of grey is its value.
+fn luma([red, green, blue]: [u8; 3]) -> u8 {
+    ((299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue) + 500) / 1000) as u8
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_picture_is_stored_as_the_one_before_it() {
+        for (encoding, bytes) in [
+            ("rgb8", 3),
+            ("bgr8", 3),
+            ("8UC3", 3),
+            ("rgba8", 4),
+            ("bgra8", 4),
+            ("mono8", 1),
+            ("yuv422", 2),
+            ("yuv422_yuy2", 2),
+            ("bayer_rggb8", 1),
+            ("bayer_gbrg8", 1),
+        ] {
+            // With a gap behind each row.
+            let (width, step) = (4_u32, 4 * bytes + 3);
+            let data: Vec<u8> = (0..2 * step).map(|i| (60 + i * 5 % 130) as u8).collect();
+            let raw = Raw { width, height: 2, encoding, step, data: &data };
+            let own = raw.to_frame().unwrap();
+            let same = raw.with_picture(own.as_ref()).unwrap();
+            if encoding.starts_with("yuv") {
+                let again = Raw { data: &same, ..raw }.to_frame().unwrap();
+                let most = own.data().iter().zip(again.data()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+                assert!(most <= 40, "{encoding}: {most}");
+            } else {
+                assert_eq!(same, data, "{encoding}");
+            }
+            let grey = FrameBuf::from_vec(vec![77; 4 * 2 * 3], 4, 2).unwrap();
+            let stored = raw.with_picture(grey.as_ref()).unwrap();
+            let again = Raw { data: &stored, ..raw }.to_frame().unwrap();
+            assert!(again.data().iter().all(|value| value.abs_diff(77) <= 1), "{encoding}");
+            let row = (width * bytes) as usize;
+            assert_eq!(
+                (stored.len(), &stored[row..row + 3]),
+                (data.len(), &data[row..row + 3]),
+                "{encoding}"
+            );
+            assert!(raw.with_picture(FrameBuf::new(2, 2).as_ref()).is_err());
+        }
+    }
 
     fn pixels(encoding: &str, width: u32, data: &[u8]) -> Result<Vec<u8>> {
         let step = data.len() as u32;

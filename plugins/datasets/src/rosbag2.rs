@@ -7,7 +7,7 @@ use pdk_sdk::prelude::*;
 use crate::bag::Bag;
 use crate::inside::Inside;
 use crate::listing::{ends_in, names};
-use crate::place::{Named, unsuitable};
+use crate::place::{Named, not_listed, unsuitable};
 use crate::topics::Drive;
 
 /// The file that makes a folder a bag.
@@ -17,6 +17,7 @@ const METADATA: &str = "metadata.yaml";
 pub struct Rosbag2 {
     drive: Drive,
     folder: Inside,
+    root: PathBuf,
     files: Vec<PathBuf>,
 }
 
@@ -60,7 +61,7 @@ impl Component for Rosbag2 {
         let paths = files.iter().map(|name| folder.path(name)).collect::<Result<Vec<_>>>();
         let drive =
             paths.and_then(|paths| Drive::new(config, Bag::new(paths))).map_err(|error| error.at(&place))?;
-        Ok(Self { drive, folder, files })
+        Ok(Self { drive, folder, root, files })
     }
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
@@ -94,6 +95,16 @@ impl Dataset for Rosbag2 {
 
     fn info(&self) -> Vec<(String, String)> {
         self.drive.info()
+    }
+
+    fn form(&self) -> Result<Option<Form>> {
+        Ok(Some(self.drive.form(&self.root, &self.files, true)))
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        let number = self.files.iter().position(|name| name.to_string_lossy() == wanted.file);
+        let number = number.ok_or_else(|| not_listed(&wanted.file))?;
+        self.drive.rewrite(number, wanted, perturb)
     }
 }
 

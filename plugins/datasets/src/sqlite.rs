@@ -11,6 +11,8 @@ use std::path::Path;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
+use crate::sqlite_row::{Value, damaged, own_part, values, varint};
+
 /// How a file of SQLite begins.
 pub const MAGIC: &[u8] = b"SQLite format 3\0";
 /// Bytes of the head of the file, which are those of the first page.
@@ -20,40 +22,10 @@ const LARGEST: u64 = 1 << 29;
 /// Pages from the root of a table to a row. With the fewest branches that a page may have there are more rows than a file can hold.
 const DEEPEST: usize = 24;
 
-/// A value of a row.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Value {
-    /// None, and the number of the row in its own column.
-    Null,
-    /// A whole number.
-    Whole(i64),
-    /// A number.
-    Real(f64),
-    /// Text or bytes.
-    Bytes(Vec<u8>),
-}
-
-impl Value {
-    /// The whole number that it is.
-    pub fn whole(&self) -> Option<i64> {
-        match self {
-            Self::Whole(number) => Some(*number),
-            _ => None,
-        }
-    }
-
-    /// The text that it is.
-    pub fn text(&self) -> Option<&str> {
-        match self {
-            Self::Bytes(bytes) => std::str::from_utf8(bytes).ok(),
-            _ => None,
-        }
-    }
-}
-
 /// A table: where its rows are, and its columns in their order.
 pub struct Table {
-    root: u32,
+    /// The page at which its rows begin.
+    pub root: u32,
     columns: Vec<String>,
 }
 
@@ -71,14 +43,20 @@ impl Table {
     }
 }
 
+/// Takes the number of a row, its values, and the bytes in which they are stored.
+pub type Show<'a> = &'a mut dyn FnMut(i64, &[Value], &[u8]) -> Result<()>;
+
 /// An open file.
 pub struct Sqlite {
     file: File,
+    /// The head of the file.
+    pub head: [u8; HEAD],
     /// Bytes of a page.
-    page: usize,
+    pub page: usize,
     /// Bytes of a page that hold content.
-    usable: usize,
-    pages: u32,
+    pub usable: usize,
+    /// Pages of the file.
+    pub pages: u32,
 }
 
 impl Sqlite {
@@ -115,7 +93,7 @@ impl Sqlite {
             ));
         }
         let pages = u32::try_from(size / page as u64).map_err(|_| damaged("it is too large"))?;
-        Ok(Self { file, page, usable, pages })
+        Ok(Self { file, head, page, usable, pages })
     }
 
     /// A table.
@@ -145,18 +123,20 @@ impl Sqlite {
     /// # Errors
     /// If the file is damaged, or `show` returns an error.
     pub fn scan(&mut self, table: &Table, show: &mut dyn FnMut(i64, &[Value]) -> Result<()>) -> Result<()> {
+        self.scan_with_content(table, &mut |row, values, _| show(row, values))
+    }
+
+    /// Shows each row as [`scan`](Self::scan) does, and how it is stored.
+    ///
+    /// # Errors
+    /// As [`scan`](Self::scan).
+    pub fn scan_with_content(&mut self, table: &Table, show: Show<'_>) -> Result<()> {
         // A page that is its own descendant would have no end.
         let mut left = self.pages;
         self.each(table.root, 0, &mut left, show)
     }
 
-    fn each(
-        &mut self,
-        number: u32,
-        depth: usize,
-        left: &mut u32,
-        show: &mut dyn FnMut(i64, &[Value]) -> Result<()>,
-    ) -> Result<()> {
+    fn each(&mut self, number: u32, depth: usize, left: &mut u32, show: Show<'_>) -> Result<()> {
         *left = left.checked_sub(1).ok_or_else(|| damaged("its pages form a ring"))?;
         let page = self.page(number, depth)?;
         for cell in 0..page.cells {
@@ -164,7 +144,7 @@ impl Sqlite {
                 Kind::Inner => self.each(page.child(cell)?, depth + 1, left, show)?,
                 Kind::Leaf => {
                     let (row, content) = self.row(&page, cell)?;
-                    show(row, &values(&content)?)?;
+                    show(row, &values(&content)?, &content)?;
                 }
             }
         }
@@ -216,8 +196,11 @@ impl Sqlite {
         Ok(bytes)
     }
 
-    /// A page of a table.
-    fn page(&mut self, number: u32, depth: usize) -> Result<Page> {
+    /// A page of a table, which lies so many pages below its root.
+    ///
+    /// # Errors
+    /// If it is not one.
+    pub fn page(&mut self, number: u32, depth: usize) -> Result<Page> {
         if depth > DEEPEST {
             return Err(damaged("its pages form a ring"));
         }
@@ -242,16 +225,8 @@ impl Sqlite {
         if length > LARGEST || length > u64::from(self.pages) * self.page as u64 {
             return Err(damaged("a row is longer than the file"));
         }
-        let (length, room) = (length as usize, self.usable - 35);
-        // How much of a long row stays in its page, by the rules of the format.
-        let own = match length <= room {
-            true => length,
-            false => {
-                let fewest = (self.usable - 12) * 32 / 255 - 23;
-                let some = fewest + (length - fewest) % (self.usable - 4);
-                if some <= room { some } else { fewest }
-            }
-        };
+        let length = length as usize;
+        let own = own_part(length, self.usable);
         let mut content = rest.get(..own).ok_or_else(|| damaged("a row is cut off"))?.to_vec();
         let mut next = match rest.get(own..own + 4) {
             Some(&[a, b, c, d]) => u32::from_be_bytes([a, b, c, d]),
@@ -265,21 +240,52 @@ impl Sqlite {
         }
         Ok((number, content))
     }
+
+    /// The pages in which the content of a row of a leaf goes on.
+    ///
+    /// # Errors
+    /// If the file is damaged.
+    pub fn overflow(&mut self, page: &Page, cell: usize) -> Result<Vec<u32>> {
+        let mut rest = page.cell(cell)?;
+        let length = usize::try_from(varint(&mut rest)?).unwrap_or(usize::MAX);
+        varint(&mut rest)?;
+        let own = own_part(length, self.usable);
+        let count = length.saturating_sub(own).div_ceil(self.usable - 4);
+        if count > self.pages as usize {
+            return Err(damaged("a row is longer than the file"));
+        }
+        let mut pages = Vec::with_capacity(count);
+        let mut next = rest.get(own..own + 4).map(<[u8]>::to_vec);
+        for _ in 0..count {
+            let number = match next.as_deref() {
+                Some(&[a, b, c, d]) => u32::from_be_bytes([a, b, c, d]),
+                _ => return Err(damaged("a row is cut off")),
+            };
+            next = Some(self.raw(number)?[..4].to_vec());
+            pages.push(number);
+        }
+        Ok(pages)
+    }
 }
 
+/// What a page of a table holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub enum Kind {
+    /// Other pages.
     Inner,
+    /// Rows.
     Leaf,
 }
 
 /// A page of a table.
-struct Page {
+pub struct Page {
     bytes: Vec<u8>,
-    kind: Kind,
-    cells: usize,
+    /// What it holds.
+    pub kind: Kind,
+    /// How many of that.
+    pub cells: usize,
     /// The child with the largest numbers, of a page with children.
-    last: u32,
+    pub last: u32,
     /// Where the places of its cells begin.
     pointers: usize,
 }
@@ -292,7 +298,11 @@ impl Page {
         place.and_then(|place| self.bytes.get(place..)).ok_or_else(|| damaged("a page is cut off"))
     }
 
-    fn child(&self, number: usize) -> Result<u32> {
+    /// The page of a child.
+    ///
+    /// # Errors
+    /// If the page is cut off.
+    pub fn child(&self, number: usize) -> Result<u32> {
         match self.cell(number)? {
             [a, b, c, d, ..] => Ok(u32::from_be_bytes([*a, *b, *c, *d])),
             _ => Err(damaged("a page is cut off")),
@@ -308,60 +318,6 @@ impl Page {
         }
         varint(&mut rest)
     }
-}
-
-/// A whole number of one to nine bytes.
-fn varint(bytes: &mut &[u8]) -> Result<i64> {
-    let mut number: u64 = 0;
-    for place in 0..9 {
-        let (&byte, rest) = bytes.split_first().ok_or_else(|| damaged("a number is cut off"))?;
-        *bytes = rest;
-        if place == 8 {
-            return Ok((number << 8 | u64::from(byte)) as i64);
-        }
-        number = number << 7 | u64::from(byte & 0x7f);
-        if byte < 0x80 {
-            break;
-        }
-    }
-    Ok(number as i64)
-}
-
-/// The values of a row: first the kinds of all, then what they are.
-fn values(content: &[u8]) -> Result<Vec<Value>> {
-    let mut kinds = content;
-    let head = usize::try_from(varint(&mut kinds)?).unwrap_or(usize::MAX);
-    let mut rest = content.get(head..).ok_or_else(|| damaged("a row is cut off"))?;
-    let end = rest.len();
-    let mut values = Vec::new();
-    while kinds.len() > end {
-        let kind = varint(&mut kinds)?;
-        let size = match kind {
-            0 | 8 | 9 => 0,
-            1..=4 => kind as usize,
-            5 => 6,
-            6 | 7 => 8,
-            12.. => usize::try_from((kind - 12) / 2).unwrap_or(usize::MAX),
-            _ => return Err(damaged("a value is of a kind that does not exist")),
-        };
-        let (own, behind) = rest.split_at_checked(size).ok_or_else(|| damaged("a value is cut off"))?;
-        rest = behind;
-        values.push(match kind {
-            0 => Value::Null,
-            8 => Value::Whole(0),
-            9 => Value::Whole(1),
-            1..=6 => Value::Whole(whole(own)),
-            7 => Value::Real(f64::from_bits(whole(own) as u64)),
-            _ => Value::Bytes(own.to_vec()),
-        });
-    }
-    Ok(values)
-}
-
-/// A whole number of up to eight bytes, the first of which has the sign.
-fn whole(bytes: &[u8]) -> i64 {
-    let sign = if bytes.first().is_some_and(|first| *first >= 0x80) { -1 } else { 0 };
-    bytes.iter().fold(sign, |number, byte| number << 8 | i64::from(*byte))
 }
 
 /// The names of the columns in the text that made a table.
@@ -381,10 +337,6 @@ fn columns(sql: &str) -> Vec<String> {
         word.trim_matches(['"', '`', '[', ']', ')']).to_owned()
     };
     parts.map(name).collect()
-}
-
-fn damaged(what: &str) -> Error {
-    Error::new(format!("it is damaged: {what}; copy it again"))
 }
 
 /// What a bag in SQLite says of its topics, by their number: name, kind of messages and encoding.

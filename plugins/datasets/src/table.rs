@@ -21,8 +21,10 @@ pub struct Table {
     pub name: PathBuf,
     /// The names of its columns; empty if it has no header.
     header: Vec<String>,
-    /// Its rows with their lines in the file.
-    rows: Vec<(u64, ::csv::StringRecord)>,
+    /// Its rows with their places in the file.
+    pub(crate) rows: Vec<(::csv::Position, ::csv::StringRecord)>,
+    /// What is between two cells.
+    pub(crate) separator: char,
     /// Whether it is the log of Udacity's simulator.
     pub is_udacity: bool,
 }
@@ -98,7 +100,8 @@ pub struct Columns {
     pub frame: Option<usize>,
     /// The time.
     pub timestamp: Option<usize>,
-    steering: Option<usize>,
+    /// The steering.
+    pub steering: Option<usize>,
     throttle: Option<usize>,
     brake: Option<usize>,
     speed: Option<usize>,
@@ -152,9 +155,10 @@ impl Table {
         let separators = [',', ';', '\t'];
         let separator = separators
             .into_iter()
-            .max_by_key(|separator| (first.matches(*separator).count(), *separator == ','));
+            .max_by_key(|separator| (first.matches(*separator).count(), *separator == ','))
+            .unwrap_or(',');
         let mut reader = ::csv::ReaderBuilder::new()
-            .delimiter(separator.unwrap_or(',') as u8)
+            .delimiter(separator as u8)
             .has_headers(false)
             .flexible(true)
             .trim(::csv::Trim::All)
@@ -163,7 +167,8 @@ impl Table {
         let mut rows = Vec::new();
         for row in reader.records() {
             let row = row.place("it is not a CSV file")?;
-            rows.push((row.position().map_or(0, ::csv::Position::line), row));
+            let place = row.position().cloned().unwrap_or_else(::csv::Position::new);
+            rows.push((place, row));
             if rows.len() > MOST {
                 return Err(Error::new(format!("it has more than {MOST} rows; cut it into parts")));
             }
@@ -175,7 +180,7 @@ impl Table {
             Some((_, row)) if is_header(row) => rows.remove(0).1.iter().map(str::to_owned).collect(),
             _ => Vec::new(),
         };
-        let mut table = Self { name: name.to_owned(), header, rows, is_udacity: false };
+        let mut table = Self { name: name.to_owned(), header, rows, separator, is_udacity: false };
         let log = table.rows.first().is_some_and(|(_, row)| {
             row.len() == UDACITY.len()
                 && row.iter().take(3).all(|cell| crate::listing::is_picture(Path::new(cell)))
@@ -205,7 +210,7 @@ impl Table {
 
     /// Names the place of a row.
     pub fn place(&self, row: usize) -> String {
-        let line = self.rows.get(row).map_or(0, |(line, _)| *line);
+        let line = self.rows.get(row).map_or(0, |(place, _)| place.line());
         format!("{} line {line}", self.name.display())
     }
 
@@ -245,7 +250,7 @@ impl Table {
         })
     }
 
-    fn named(&self, given: &str) -> Result<usize> {
+    pub(crate) fn named(&self, given: &str) -> Result<usize> {
         if let Some(place) = self.header.iter().position(|name| name == given) {
             return Ok(place);
         }

@@ -20,22 +20,29 @@ const ORIGINAL: &str = "/raw";
 
 /// A drive in a bag.
 pub struct Drive {
-    bag: Bag,
-    kind: Picture,
+    pub(crate) bag: Bag,
+    pub(crate) kind: Picture,
     topic: String,
-    frames: Vec<Frame>,
+    /// Other topics with pictures.
+    pub(crate) others: Vec<String>,
+    /// The topic of the steering.
+    pub(crate) steering: Option<(String, Numbers)>,
+    pub(crate) frames: Vec<Frame>,
     told: Vec<(String, String)>,
     /// The video as far as it was decoded: the frame that comes next.
     stream: Option<(Stream, usize)>,
     picture: Yuv420,
 }
 
-struct Frame {
-    place: Place,
+/// A frame of a drive.
+pub(crate) struct Frame {
+    pub place: Place,
+    /// When its message was recorded, in nanoseconds.
+    pub logged: u64,
     /// Seconds since the first.
-    time: f64,
+    pub time: f64,
     /// Whether decoding can begin here.
-    begins: bool,
+    pub begins: bool,
     label: Result<Label>,
 }
 
@@ -138,7 +145,7 @@ impl Drive {
         told.push(("frames".to_owned(), format!("{} of topic {topic}", seen.len())));
         told.extend(early.map(|early| ("end".to_owned(), early)));
 
-        let labels = labels(config, &numbers, &seen, &mut told)?;
+        let (labels, steering) = labels(config, &numbers, &seen, &mut told)?;
         let by_header = config.text("clock") == "header";
         let time = |seen: &Seen| if by_header { seen.stamp } else { seen.logged };
         let first = seen.first().map_or(0, time);
@@ -147,15 +154,22 @@ impl Drive {
             .zip(labels)
             .map(|(seen, label)| Frame {
                 place: seen.place,
+                logged: seen.logged,
                 time: seconds(time(seen), first),
                 begins: seen.begins,
                 label,
             })
             .collect();
-        Ok(Self { bag, kind, topic, frames, told, stream: None, picture: Yuv420::default() })
+        let others = pictures.into_keys().collect();
+        let picture = Yuv420::default();
+        Ok(Self { bag, kind, topic, others, steering, frames, told, stream: None, picture })
     }
 
-    fn video(&mut self, stored: Stored, index: usize) -> Result<FrameBuf> {
+    /// A frame of a video.
+    ///
+    /// # Errors
+    /// If it, or one that it needs, is damaged or missing.
+    pub(crate) fn video(&mut self, stored: Stored, index: usize) -> Result<FrameBuf> {
         let begin = self.frames[..=index].iter().rposition(|frame| frame.begins).ok_or_else(|| {
             Error::new("the video begins with pictures that need earlier ones, which were not recorded; leave out the frames before the first key frame")
         })?;
@@ -261,13 +275,16 @@ impl<'a, I: Iterator<Item = &'a String>> RevMax for I {
     }
 }
 
+/// What was recorded with each picture, and the topic of the steering.
+type Labels = (Vec<Result<Label>>, Option<(String, Numbers)>);
+
 /// What was recorded with each picture.
 fn labels(
     config: &Config,
     numbers: &BTreeMap<String, Series>,
     seen: &[Seen],
     told: &mut Vec<(String, String)>,
-) -> Result<Vec<Result<Label>>> {
+) -> Result<Labels> {
     let units = Units::new(config)?;
     let origin = seen.first().map_or(0, |seen| seen.logged);
     let tolerance = config.number("tolerance");
@@ -343,5 +360,7 @@ fn labels(
             speed: units.speed(value("speed", &speed, &speeds)?),
         })
     };
-    Ok(seen.iter().map(label).collect())
+    let labels = seen.iter().map(label).collect();
+    let kind = |topic: &String| numbers.get(topic).map(|series| (topic.clone(), series.kind));
+    Ok((labels, steering.as_ref().and_then(kind)))
 }

@@ -8,7 +8,8 @@ use pdk_video::{Video as Decoder, Yuv420};
 use crate::inside::Inside;
 use crate::label::{Label, Units};
 use crate::listing::{ends_in, is_picture, names};
-use crate::place::{Named, beyond, unsuitable};
+use crate::place::{Named, beyond, not_listed, unsuitable};
+use crate::reel;
 use crate::table::{Columns, Table, only_table};
 
 /// How the names of videos end.
@@ -17,12 +18,24 @@ const ENDINGS: [&str; 8] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "qt", "mp
 /// Reads a video.
 pub struct Video {
     folder: Inside,
+    root: PathBuf,
     name: PathBuf,
-    table: Option<PathBuf>,
+    /// Whether the video was named, and not its folder.
+    is_named: bool,
+    table: Option<Log>,
     decoder: Decoder,
     picture: Yuv420,
     labels: Vec<Result<Label>>,
     told: Vec<(String, String)>,
+}
+
+/// What was recorded beside a video.
+struct Log {
+    table: Table,
+    /// The column with the steering.
+    steering: Option<usize>,
+    /// The row of each frame.
+    rows: Vec<Option<usize>>,
 }
 
 impl Component for Video {
@@ -65,11 +78,13 @@ impl Component for Video {
         };
         let mut video = Self {
             folder,
+            root,
             name,
+            is_named,
             labels: vec![Ok(Label::NONE); decoder.count() as usize],
             told: vec![("frames".to_owned(), format!("{}, {}", decoder.count(), decoder.decoder()))],
             decoder,
-            table: table.clone(),
+            table: None,
             picture: Yuv420::default(),
         };
         match table {
@@ -84,7 +99,7 @@ impl Component for Video {
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
         let Self { folder, name, table, .. } = Self::new(config)?;
-        Ok(vec![folder.input_files([name].into_iter().chain(table))])
+        Ok(vec![folder.input_files([name].into_iter().chain(table.map(|log| log.table.name)))])
     }
 }
 
@@ -104,8 +119,8 @@ impl Video {
         }
         self.told.push(("labels".to_owned(), format!("{how}; {found} of {} frames have one", rows.len())));
         self.told.extend(told);
-        self.labels =
-            rows.into_iter().map(|row| row.map_or(Ok(Label::NONE), |row| labels[row].clone())).collect();
+        self.labels = rows.iter().map(|row| row.map_or(Ok(Label::NONE), |row| labels[row].clone())).collect();
+        self.table = Some(Log { table, steering: columns.steering, rows });
         Ok(())
     }
 
@@ -246,6 +261,57 @@ impl Dataset for Video {
     fn info(&self) -> Vec<(String, String)> {
         self.told.clone()
     }
+
+    fn form(&self) -> Result<Option<Form>> {
+        let name = |name: &Path| name.to_string_lossy().into_owned();
+        let stored = self.decoder.recoding()?.describe();
+        let mut files = vec![FormFile { name: name(&self.name), frames: self.labels.len(), stored }];
+        if let Some(log) = &self.table {
+            files.push(FormFile { name: name(&log.table.name), frames: 0, stored: String::new() });
+        }
+        let mut notes = Vec::new();
+        if self.decoder.has_sound() {
+            notes.push(format!("the sound of `{}` is left out", self.name.display()));
+        }
+        let folder = self.root.clone();
+        Ok(Some(Form { folder, files, whole: !self.is_named, notes, ..Form::default() }))
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        if wanted.file == self.name.to_string_lossy() {
+            return reel::rewrite(&mut self.decoder, &wanted.into, None, &|frame| frame as usize, perturb);
+        }
+        let Some(Log { table, steering, rows }) =
+            self.table.as_ref().filter(|log| wanted.file == log.table.name.to_string_lossy())
+        else {
+            return Err(not_listed(&wanted.file));
+        };
+        let text = self.folder.catalog(&table.name)?;
+        let written = match steering {
+            None => text,
+            Some(column) => {
+                let frames = frames_of(rows, table.len());
+                table.with_other_sign(&text, *column, &|row| wanted.mirrors(frames[row]))?
+            }
+        };
+        Ok(std::fs::write(&wanted.into, written)?)
+    }
+}
+
+/// The frame of each row of a table; of one that has none, that of the row before it.
+fn frames_of(rows: &[Option<usize>], count: usize) -> Vec<usize> {
+    let mut frames = vec![None; count];
+    for (frame, row) in rows.iter().enumerate() {
+        if let Some(own) = row.and_then(|row| frames.get_mut(row)) {
+            *own = own.or(Some(frame));
+        }
+    }
+    let mut before = 0;
+    let of_row = |frame: Option<usize>| {
+        before = frame.unwrap_or(before);
+        before
+    };
+    frames.into_iter().map(of_row).collect()
 }
 
 #[cfg(test)]

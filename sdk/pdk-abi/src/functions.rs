@@ -18,7 +18,7 @@ use abi_stable::sabi_types::VersionStrings;
 use crate::fixed::{Status, Text};
 use crate::sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
-    Position, Sink, State,
+    Perturber, Position, Sink, State,
 };
 
 /// Calls a macro with all kinds of component, in the order in which they are listed for people and sorted in records. This is the one list of
@@ -396,4 +396,13 @@ pub struct DatasetFunctions {
     ) -> Status,
     /// What was decided when the recording was opened: a JSON list of `[name, value]`.
     pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
+    /// How the recording is written again in its own form: a JSON object, or `null` if only its frames can be had.
+    pub form: unsafe extern "C" fn(object: *mut c_void, form: *const Sink, error: *const Sink) -> Status,
+    /// Writes a file of the recording again: which one, where and how is a JSON object.
+    pub rewrite: unsafe extern "C" fn(
+        object: *mut c_void,
+        wanted: Text,
+        perturber: *const Perturber,
+        error: *const Sink,
+    ) -> Status,
 }

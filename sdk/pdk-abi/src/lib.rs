@@ -32,7 +32,7 @@ pub use functions::*;
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
-    Position, Sink, State, map_flag, state_flag,
+    Perturber, Position, Sink, State, map_flag, state_flag,
 };
 
 /// The version of the interface, which is the major version of this package. A host takes the plugins of its own version.

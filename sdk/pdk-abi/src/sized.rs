@@ -3,7 +3,7 @@
 use core::ffi::c_void;
 
 use crate::declare::sized;
-use crate::fixed::Text;
+use crate::fixed::{Status, Text};
 
 sized! {
     /// Takes bytes of unknown number from the other side, in one or several pieces.
@@ -213,6 +213,22 @@ sized! {
         pub number: u64,
         /// Seconds since the first frame of the recording; not a number if it is not known.
         pub time: f64,
+    }
+
+    /// Perturbs the frames of a recording that is written again.
+    pub struct Perturber {
+        /// For the function alone.
+        pub context: *mut c_void,
+        /// Writes what a frame, known by its number in the recording, is to be in the copy; both have the same size.
+        pub apply: Option<
+            unsafe extern "C" fn(
+                context: *mut c_void,
+                index: u64,
+                source: *const Frame,
+                target: *const FrameMut,
+                error: *const Sink,
+            ) -> Status,
+        >,
     }
 }
 

@@ -14,6 +14,7 @@ pub mod describe;
 mod earlier_maps;
 mod export;
 pub mod file;
+pub mod form;
 pub mod history;
 pub mod input_files;
 mod kinds;
@@ -39,6 +40,7 @@ pub mod prelude {
     pub use crate::config::Config;
     pub use crate::describe::{ActsOn, Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::error::{Error, ErrorKind, Result};
+    pub use crate::form::{Form, FormFile, Perturb, Rewrite};
     pub use crate::history::{Earlier, History};
     pub use crate::input_files::InputFiles;
     pub use crate::kinds::traits::*;

@@ -369,7 +369,7 @@ fn a_plain_copy_says_what_was_recorded_and_what_was_not() {
 }
 
 /// A plugin that mirrors pictures.
-const MIRROR: &str = "return { doc = 'Mirror', apply = function(image, cx)
+pub const MIRROR: &str = "return { doc = 'Mirror', apply = function(image, cx)
         local pixels, width = image.pixels, image.width
         for y = 0, image.height - 1 do for x = 0, width // 2 - 1 do for c = 0, 2 do
             local a, b = (y * width + x) * 3 + c, (y * width + width - 1 - x) * 3 + c

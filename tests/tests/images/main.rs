@@ -10,6 +10,7 @@ mod masks;
 mod networks;
 mod offline;
 mod pixel_tasks;
+mod rewritten;
 mod saliency;
 mod sequences;
 mod strength;

@@ -38,9 +38,19 @@ pub fn checked(
         && source.root.is_some()
         && (source.reader.is_some() || present(|role| *role == Role::Records).is_some())
     {
-        return Err(Error::new(format!(
-            "the records of `{dataset}` name their pictures, which keep their names; leave --format out, or add --plain"
-        )));
+        let why = match source.form {
+            Some(_) => format!("the pictures of `{dataset}` are stored as they were"),
+            None => format!("the records of `{dataset}` name their pictures, which keep their names"),
+        };
+        return Err(Error::new(format!("{why}; leave --format out, or add --plain")));
+    }
+    if let Some(form) = &source.form {
+        if let (Some(why), LabelsOption::Drop) = (&form.undropped, options.labels) {
+            return Err(Error::new(format!(
+                "the labels of `{dataset}` cannot be left out, because {why}; use --labels keep, or add --plain"
+            )));
+        }
+        warnings.extend(form.notes.iter().cloned());
     }
     if let Some(unread) = &source.unread {
         warnings.push(format!("`{dataset}` is read as a folder of pictures, not as a recording: {unread}"));
@@ -129,6 +139,14 @@ fn mirrored_steering(
             "{mirrors}, and `{dataset}` cannot be read as a recording ({unread}); name its reader with parameters that fit, or use \
              --labels keep"
         )));
+    }
+    if let Some(form) = &source.form {
+        return form.unturned.as_ref().map_or(Ok(()), |why| {
+            Err(Error::new(format!(
+                "{mirrors}, which pdk does not write into `{dataset}`, because {why}; add --plain to write pictures with a record beside \
+                 each, or use --labels keep"
+            )))
+        });
     }
     let Some(table) = source.contents.of_role(Role::Table).next() else {
         return Err(Error::new(format!(

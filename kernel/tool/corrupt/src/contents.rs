@@ -5,6 +5,7 @@ use std::path::Path;
 
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
+use pdk_sdk::form::Form;
 use serde_json::Value;
 use walkdir::WalkDir;
 
@@ -35,6 +36,10 @@ pub enum Role {
     Table,
     /// The lengths of the lines of a file of records.
     Lengths,
+    /// Frames of a recording that are not files of their own.
+    Frames,
+    /// What was recorded beside them, which the reader of the recording writes where steering changes its sign.
+    Beside,
     /// Labels that pdk knows but cannot move.
     Fixed,
     /// Anything else.
@@ -50,7 +55,8 @@ impl Role {
             Self::Yolo => "label files with a box or polygon a line",
             Self::Lines => "label files with a line of points a line",
             Self::Coco => "COCO annotations",
-            Self::Records | Self::Table | Self::Lengths => "records with steering",
+            Self::Records | Self::Table | Self::Lengths | Self::Beside => "records with steering",
+            Self::Frames => "files with frames",
             Self::Fixed => "labels in XML",
             Self::Other => "other files",
         }
@@ -79,19 +85,7 @@ impl Contents {
     /// # Errors
     /// If a file cannot be read, or its name is not text.
     pub fn of(folder: &Path, mask_folders: &[String]) -> Result<Self> {
-        let mut names = BTreeSet::new();
-        for entry in WalkDir::new(folder).follow_links(true) {
-            let entry = entry.place(format_args!("cannot list {}", folder.display()))?;
-            let hidden = entry.file_name().to_string_lossy().starts_with('.');
-            if !entry.file_type().is_file() || hidden {
-                continue;
-            }
-            let path = entry.path().strip_prefix(folder).unwrap_or(entry.path());
-            let name = path.to_str().ok_or_else(|| {
-                Error::new(format!("the name of {} is not UTF-8; rename it", entry.path().display()))
-            })?;
-            names.insert(name.to_owned());
-        }
+        let names = names(folder)?;
         let is_mask_folder = |part: &str| {
             MASK_FOLDERS.contains(&part) || mask_folders.iter().any(|folder| folder.trim_matches('/') == part)
         };
@@ -125,6 +119,22 @@ impl Contents {
         }
         for name in others {
             contents.sort_in(folder, &stems, name)?;
+        }
+        Ok(contents)
+    }
+
+    /// The files of a recording that its reader writes; if all others of its folder belong to it, these are what they are, whatever is in them.
+    ///
+    /// # Errors
+    /// If the folder cannot be listed, or a name is not text.
+    pub fn of_form(form: &Form) -> Result<Self> {
+        let mut contents = Self::default();
+        if form.whole {
+            contents.roles.extend(names(&form.folder)?.into_iter().map(|name| (name, Role::Other)));
+        }
+        for file in &form.files {
+            let role = if file.frames > 0 { Role::Frames } else { Role::Beside };
+            contents.roles.insert(file.name.clone(), role);
         }
         Ok(contents)
     }
@@ -207,6 +217,24 @@ impl Contents {
             }
         }
     }
+}
+
+/// The files of a folder and of the folders in it that are not hidden.
+fn names(folder: &Path) -> Result<BTreeSet<String>> {
+    let mut names = BTreeSet::new();
+    for entry in WalkDir::new(folder).follow_links(true) {
+        let entry = entry.place(format_args!("cannot list {}", folder.display()))?;
+        let hidden = entry.file_name().to_string_lossy().starts_with('.');
+        if !entry.file_type().is_file() || hidden {
+            continue;
+        }
+        let path = entry.path().strip_prefix(folder).unwrap_or(entry.path());
+        let name = path.to_str().ok_or_else(|| {
+            Error::new(format!("the name of {} is not UTF-8; rename it", entry.path().display()))
+        })?;
+        names.insert(name.to_owned());
+    }
+    Ok(names)
 }
 
 /// Whether a file is a picture by its name.

@@ -9,11 +9,11 @@ use indicatif::ProgressBar;
 use pdk_components::registry::Registry;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::checks::checked;
 use crate::conditions::Condition;
-use crate::contents::{Contents, Role, is_picture};
+use crate::contents::{Contents, Role};
 use crate::manifest::{Manifest, Written};
 use crate::options::{LabelsOption, Options};
 use crate::source::{Source, source};
@@ -69,17 +69,22 @@ pub fn corrupt(
     let mut done = Done { read_as: source.read_as.clone(), ..Done::default() };
     let moves = checked(registry, dataset, &source, conditions, options, &mut done.warnings)?;
     let units = units(&source, conditions.len(), options);
-    done.pictures = units.iter().filter(|unit| !matches!(unit, Unit::File(..))).count();
+    done.pictures = match &source.form {
+        Some(form) => form.files.iter().map(|file| file.frames).sum(),
+        None => units.iter().filter(|unit| !matches!(unit, Unit::File(..))).count(),
+    };
     done.others = counts(&source.contents);
     if done.pictures == 0 {
         return Err(without_pictures(dataset, source.unread.as_ref()));
     }
     let described = described(registry, conditions)?;
     let mut manifest = Manifest::open(&options.out, settings(dataset, &source, &described, options))?;
-    let Source { root, contents, reader, frames, .. } = source;
+    let Source { root, contents, reader, frames, form, .. } = source;
+    let held = form.into_iter().flat_map(|form| form.files).map(|file| (file.name, file.frames)).collect();
+    let known = manifest.known();
     let job =
-        Job { registry, options, conditions, moves, root, contents, reader, frames, known: manifest.known() };
-    progress.set_length(units.len() as u64);
+        Job { registry, options, conditions, moves, root, contents, reader, frames, held, known, progress };
+    progress.set_length(units.iter().map(|unit| job.steps(unit)).sum());
     let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
     let mut failed: Option<(usize, Error)> = None;
     std::thread::scope(|scope| {
@@ -95,12 +100,11 @@ pub fn corrupt(
                 Message::Written(written, there) => {
                     let counted = if there { &mut done.there } else { &mut done.written };
                     *counted += 1;
-                    done.pictures_written += usize::from(!there && is_picture(&written.file));
+                    done.pictures_written += match there {
+                        true => 0,
+                        false => job.pictures_in(&written.file),
+                    };
                     if there { Ok(()) } else { manifest.add(written).map_err(|error| (usize::MAX, error)) }
-                }
-                Message::Done => {
-                    progress.inc(1);
-                    Ok(())
                 }
                 Message::Failed(place, error) => Err((place, error)),
             };
@@ -123,7 +127,6 @@ pub fn corrupt(
 
 enum Message {
     Written(Written, bool),
-    Done,
     Failed(usize, Error),
 }
 
@@ -137,9 +140,8 @@ fn work(job: &Job<'_>, units: &[Unit], next: &AtomicUsize, stop: &AtomicBool, se
     while !stop.load(Ordering::Relaxed) {
         let place = next.fetch_add(1, Ordering::Relaxed);
         let Some(unit) = units.get(place) else { return };
-        match worker.run(unit, &mut |written, there| tell(Message::Written(written, there))) {
-            Ok(()) => tell(Message::Done),
-            Err(error) => return tell(Message::Failed(place, error)),
+        if let Err(error) = worker.run(unit, &mut |written, there| tell(Message::Written(written, there))) {
+            return tell(Message::Failed(place, error));
         }
     }
 }
@@ -151,14 +153,25 @@ fn units(source: &Source, conditions: usize, options: &Options) -> Vec<Unit> {
     }
     let roles = || source.contents.roles.iter();
     let kept = |role: Role| {
-        let label = role.is_placed() || matches!(role, Role::Records | Role::Table | Role::Lengths);
+        let label =
+            role.is_placed() || matches!(role, Role::Records | Role::Table | Role::Lengths | Role::Beside);
         !(label && options.labels == LabelsOption::Drop)
     };
     let alone = |role: Role| {
-        matches!(role, Role::Coco | Role::Records | Role::Table | Role::Lengths | Role::Fixed | Role::Other)
+        matches!(
+            role,
+            Role::Coco
+                | Role::Records
+                | Role::Table
+                | Role::Lengths
+                | Role::Fixed
+                | Role::Other
+                | Role::Frames
+                | Role::Beside
+        )
     };
     let mut others: Vec<_> = roles().filter(|(_, role)| alone(**role) && kept(**role)).collect();
-    others.sort_by_key(|(_, role)| **role != Role::Coco);
+    others.sort_by_key(|(_, role)| !matches!(role, Role::Coco | Role::Frames));
     let others = others
         .into_iter()
         .flat_map(|(name, _)| (0..conditions).map(|condition| Unit::File(name.clone(), condition)));
@@ -194,11 +207,13 @@ fn described(registry: &Registry, conditions: &[Condition]) -> Result<Value> {
 fn settings(dataset: &str, source: &Source, described: &Value, options: &Options) -> Value {
     let name = Path::new(dataset).file_name().map(|name| name.to_string_lossy().into_owned());
     let Options { seed, visible, outside, quality, plain, .. } = options;
-    json!({
+    let files = source.form.iter().flat_map(|form| &form.files).filter(|file| !file.stored.is_empty());
+    let stored: BTreeMap<&str, &str> = files.map(|file| (file.name.as_str(), file.stored.as_str())).collect();
+    let mut settings = json!({
         "format": 1,
         "dataset": source.reader.as_ref().map_or_else(|| name.unwrap_or_default(), |reader| reader.name.clone()),
         "seed": seed,
-        "rule": match source.frames.is_empty() && source.root.is_some() {
+        "rule": match source.reader.is_none() {
             true => "each picture draws from the seed and its path in the dataset",
             false => "the recording is one sequence, which draws from the seed; the number and the time of a frame decide the rest",
         },
@@ -214,5 +229,18 @@ fn settings(dataset: &str, source: &Source, described: &Value, options: &Options
         "quality": quality,
         "plain": plain,
         "conditions": described,
-    })
+    });
+    if !stored.is_empty() {
+        settings["stored"] = json!(stored);
+    }
+    // Where it lies does not matter, but what is read of it does.
+    let parameters = source.reader.iter().flat_map(|reader| &reader.parameters);
+    let parameters: Map<String, Value> = parameters
+        .filter(|(name, _)| *name != "path")
+        .map(|(name, value)| (name.clone(), value.clone()))
+        .collect();
+    if !parameters.is_empty() {
+        settings["parameters"] = parameters.into();
+    }
+    settings
 }

@@ -8,7 +8,9 @@ use pdk_model::component::ComponentSpec;
 use pdk_pipeline::readers::{self, Unopened};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::form::Form;
 use pdk_sdk::prelude::Dataset;
+use pdk_supervise::calls::{self, Function};
 
 use crate::contents::{Contents, Role, is_picture};
 use crate::options::Options;
@@ -17,7 +19,7 @@ use crate::options::Options;
 pub struct Source {
     /// How it is read, for people.
     pub read_as: String,
-    /// Its folder; none for a recording whose frames are not files.
+    /// Its folder; none for a recording that becomes pictures with a record beside each.
     pub root: Option<PathBuf>,
     /// The files of the folder.
     pub contents: Contents,
@@ -27,6 +29,8 @@ pub struct Source {
     pub frames: BTreeMap<String, usize>,
     /// The number of frames of a recording.
     pub count: usize,
+    /// How the reader writes the recording, if its frames are not files of their own.
+    pub form: Option<Form>,
     /// The files that the reader reads.
     pub listed: BTreeSet<String>,
     /// Why a folder that looks like a recording is not read as one.
@@ -48,7 +52,7 @@ pub fn source(registry: &Registry, dataset: &str, options: &Options) -> Result<S
     }
     let opened = readers::open(registry.catalog(), dataset, |reader| {
         let (found, _) = registry.dataset(&reader.name, &reader.parameters)?;
-        if path.is_file() {
+        if path.is_file() || self::form(found.as_ref()).map_or(true, |form| form.is_some()) {
             return Ok(());
         }
         let files = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters)?;
@@ -71,6 +75,7 @@ pub fn source(registry: &Registry, dataset: &str, options: &Options) -> Result<S
         reader: None,
         frames: BTreeMap::new(),
         count: 0,
+        form: None,
         listed: BTreeSet::new(),
         unread,
     })
@@ -81,6 +86,11 @@ fn is_driven(mut dataset: Box<dyn Dataset>) -> bool {
     const LOOKED_AT: usize = 5;
     (0..dataset.len().min(LOOKED_AT))
         .any(|index| dataset.read(index).is_ok_and(|entry| entry.steering.is_finite()))
+}
+
+/// How a recording is written again by its reader.
+fn form(dataset: &dyn Dataset) -> Result<Option<Form>> {
+    calls::call("the dataset", Function::Form, || dataset.form())
 }
 
 /// The steering of each frame; not a number if it has none, or cannot be read.
@@ -98,16 +108,26 @@ fn recording(registry: &Registry, reader: ComponentSpec, options: &Options) -> R
         contents: Contents::default(),
         frames: BTreeMap::new(),
         count,
+        form: None,
         listed: BTreeSet::new(),
         reader: None,
         unread: None,
     };
     let files = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters)?;
     source.reader = Some(reader);
-    let [files] = files.as_slice() else { return Ok(source) };
     if options.plain {
         return Ok(source);
     }
+    let form = form(dataset.as_ref()).map_err(|error| {
+        Error::new(format!("{error}; or add --plain to write pictures with a record beside each"))
+    })?;
+    if let Some(form) = form {
+        let listed =
+            files.iter().flat_map(|files| &files.names).map(|name| name.display().to_string()).collect();
+        let (contents, root) = (Contents::of_form(&form)?, Some(form.folder.clone()));
+        return Ok(Source { root, contents, listed, form: Some(form), ..source });
+    }
+    let [files] = files.as_slice() else { return Ok(source) };
     source.listed = files.names.iter().map(|name| name.display().to_string()).collect();
     let mut contents = Contents::of(&files.folder, &options.masks)?;
     for (name, role) in &mut contents.roles {

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use indicatif::ProgressBar;
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
@@ -19,7 +20,7 @@ use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
 
 use crate::conditions::Condition;
-use crate::contents::{Contents, LARGEST_LABELS, Role};
+use crate::contents::{Contents, LARGEST_LABELS, Role, is_picture};
 use crate::labels::{coco, lines, mask, records, table, yolo};
 use crate::manifest::Written;
 use crate::options::{Format, LabelsOption, Options};
@@ -39,8 +40,28 @@ pub struct Job<'a> {
     pub reader: Option<ComponentSpec>,
     /// The number of the frame that a picture is, for recordings.
     pub frames: BTreeMap<String, usize>,
+    /// How many frames each file holds that the reader of the recording writes.
+    pub held: BTreeMap<String, usize>,
     /// What was there before.
     pub known: BTreeMap<(String, String), Written>,
+    /// Moves on with each frame, or each unit without.
+    pub progress: &'a ProgressBar,
+}
+
+impl Job<'_> {
+    /// By how much a unit moves the progress on.
+    pub fn steps(&self, unit: &Unit) -> u64 {
+        let held = match unit {
+            Unit::File(name, _) => self.held.get(name).copied(),
+            _ => None,
+        };
+        held.unwrap_or(0).max(1) as u64
+    }
+
+    /// How many pictures a file has that was written.
+    pub fn pictures_in(&self, file: &str) -> usize {
+        self.held.get(file).copied().unwrap_or_else(|| usize::from(is_picture(file)))
+    }
 }
 
 /// What is done at a time.
@@ -59,24 +80,28 @@ pub type Report<'a> = &'a mut dyn FnMut(Written, bool);
 
 /// Does units one after the other.
 pub struct Worker<'a> {
-    job: &'a Job<'a>,
+    pub(super) job: &'a Job<'a>,
     /// A chain for each perturbation, for whatever level and seed.
-    chains: BTreeMap<String, Chain>,
-    dataset: Option<Box<dyn Dataset>>,
+    pub(super) chains: BTreeMap<String, Chain>,
+    pub(super) dataset: Option<Box<dyn Dataset>>,
+    /// The reader again, for writing the recording while the other one reads earlier frames.
+    pub(super) writer: Option<Box<dyn Dataset>>,
     /// The frames of the recording at which a sequence begins, in order.
     sequences: Vec<usize>,
     /// Frames of the recording before the one at hand, for perturbations that show them; the next frame needs most of them too.
-    recent: BTreeMap<usize, Rc<Entry>>,
-    perturbed: FrameBuf,
+    pub(super) recent: BTreeMap<usize, Rc<Entry>>,
+    pub(super) perturbed: FrameBuf,
+    /// Frames by which the unit at hand has moved the progress on.
+    pub(super) steps: u64,
 }
 
 /// A picture with what decides how it is perturbed.
-struct Situation {
-    entry: Entry,
-    seed: u64,
-    frame: u64,
+pub(super) struct Situation {
+    pub entry: Entry,
+    pub seed: u64,
+    pub frame: u64,
     /// Whether it is a frame of a recording, which has others before it.
-    recorded: bool,
+    pub recorded: bool,
 }
 
 impl Situation {
@@ -106,9 +131,11 @@ impl<'a> Worker<'a> {
             job,
             chains: BTreeMap::new(),
             dataset,
+            writer: None,
             sequences,
             recent: BTreeMap::new(),
             perturbed: FrameBuf::default(),
+            steps: 0,
         })
     }
 
@@ -117,17 +144,20 @@ impl<'a> Worker<'a> {
     /// # Errors
     /// If something cannot be read, perturbed, moved or written, with its place.
     pub fn run(&mut self, unit: &Unit, report: Report<'_>) -> Result<()> {
+        self.steps = 0;
         match unit {
             Unit::Picture(name) => self.picture(name, report).place(format_args!("`{name}`")),
             Unit::Frame(index) => self.frame(*index, report).place(format_args!("frame {index}")),
             Unit::File(name, condition) => {
                 self.other(name, *condition, report).place(format_args!("`{name}`"))
             }
-        }
+        }?;
+        self.job.progress.inc(self.job.steps(unit).saturating_sub(self.steps));
+        Ok(())
     }
 
     /// The chain of a condition, at the beginning of what this seed decides.
-    fn chain<'c>(
+    pub(super) fn chain<'c>(
         chains: &'c mut BTreeMap<String, Chain>,
         job: &Job<'_>,
         condition: &Condition,
@@ -143,7 +173,7 @@ impl<'a> Worker<'a> {
         Ok(chain)
     }
 
-    fn read_frame(&mut self, index: usize) -> Result<Entry> {
+    pub(super) fn read_frame(&mut self, index: usize) -> Result<Entry> {
         let dataset = self.dataset.as_mut().ok_or_else(|| Error::new("there is no reader for it"))?;
         calls::call_at("the dataset", Function::Read, index as u64, || dataset.read(index))
     }
@@ -166,7 +196,7 @@ impl<'a> Worker<'a> {
         }
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.job.root.as_deref().unwrap_or(Path::new("")).join(name)
     }
 
@@ -182,39 +212,49 @@ impl<'a> Worker<'a> {
     fn there(&self, condition: &Condition, file: &str, source: &str) -> Option<Written> {
         let known = self.job.known.get(&(condition.folder.clone(), file.to_owned()))?;
         let path = self.job.options.out.join(&condition.folder).join(file);
-        let bytes = fs::read(path).ok()?;
-        (known.source == source && known.blake3 == hash(&bytes)).then(|| known.clone())
+        let is_same = known.source == source && hash_of(&path).ok()? == known.blake3;
+        is_same.then(|| known.clone())
     }
 
-    /// Writes a file beside its place and renames it. It is not synced: after a power cut its hash tells.
-    fn write(&self, condition: &Condition, file: &str, bytes: &[u8]) -> Result<String> {
+    /// Makes a file under a condition, unless it is there: `make` writes it beside its place, and then it gets its name. It is not synced: after
+    /// a power cut its hash tells.
+    pub(super) fn make_file(
+        &mut self,
+        condition: &Condition,
+        (file, source, seed): (&str, &str, Option<u64>),
+        report: &mut dyn FnMut(Written, bool),
+        make: impl FnOnce(&mut Self, &Path) -> Result<String>,
+    ) -> Result<()> {
+        if let Some(known) = self.there(condition, file, source) {
+            report(known, true);
+            return Ok(());
+        }
         let path = self.job.options.out.join(&condition.folder).join(file);
         let place = format!("cannot write {}", path.display());
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).place(&place)?;
         }
         let part = file::part_of(&path);
-        fs::write(&part, bytes).and_then(|()| fs::rename(&part, &path)).place(&place)?;
-        Ok(hash(bytes))
-    }
-
-    /// Makes a file under a condition, unless it is there.
-    fn make(
-        &mut self,
-        condition: &Condition,
-        (file, source, seed): (&str, &str, Option<u64>),
-        report: &mut dyn FnMut(Written, bool),
-        make: impl FnOnce(&mut Self) -> Result<Vec<u8>>,
-    ) -> Result<()> {
-        if let Some(known) = self.there(condition, file, source) {
-            report(known, true);
-            return Ok(());
-        }
-        let bytes = make(self)?;
-        let blake3 = self.write(condition, file, &bytes)?;
+        let blake3 = make(self, &part)?;
+        fs::rename(&part, &path).place(&place)?;
         let (condition, file, source) = (condition.folder.clone(), file.to_owned(), source.to_owned());
         report(Written { condition, file, blake3, source, seed }, false);
         Ok(())
+    }
+
+    /// Makes a file of these bytes under a condition, unless it is there.
+    fn make(
+        &mut self,
+        condition: &Condition,
+        what: (&str, &str, Option<u64>),
+        report: &mut dyn FnMut(Written, bool),
+        make: impl FnOnce(&mut Self) -> Result<Vec<u8>>,
+    ) -> Result<()> {
+        self.make_file(condition, what, report, |worker, part| {
+            let bytes = make(worker)?;
+            fs::write(part, &bytes).place(format_args!("cannot write {}", part.display()))?;
+            Ok(hash(&bytes))
+        })
     }
 
     fn picture(&mut self, name: &str, report: Report<'_>) -> Result<()> {
@@ -256,6 +296,12 @@ impl<'a> Worker<'a> {
     }
 
     fn perturbed(&mut self, condition: &Condition, situation: &Situation, target: &str) -> Result<Vec<u8>> {
+        self.perturb(condition, situation)?;
+        pdk_image::encode(Path::new(target), self.perturbed.as_ref(), self.job.options.quality)
+    }
+
+    /// Puts what a picture is under a condition into `perturbed`. Returns how many earlier frames that shows.
+    pub(super) fn perturb(&mut self, condition: &Condition, situation: &Situation) -> Result<usize> {
         let [width, height] = situation.size();
         let history = Self::chain(&mut self.chains, self.job, condition, situation.seed)?.history();
         let earlier = self.earlier(situation, history)?;
@@ -267,7 +313,7 @@ impl<'a> Worker<'a> {
         }
         self.perturbed.resize(width, height);
         chain.apply(situation.entry.frame.as_ref(), self.perturbed.as_mut(), &situation.moment())?;
-        pdk_image::encode(Path::new(target), self.perturbed.as_ref(), self.job.options.quality)
+        Ok(history)
     }
 
     /// The frames before one of a recording, as many as a chain needs; none before a picture that stands alone.
@@ -356,10 +402,16 @@ impl<'a> Worker<'a> {
     /// A file that is not a picture, nor belongs to one.
     fn other(&mut self, name: &str, condition: usize, report: Report<'_>) -> Result<()> {
         let job = self.job;
-        let (bytes, source) = self.read(name)?;
         let (condition, moves) = (&job.conditions[condition], job.moves[condition]);
         let role = job.contents.roles.get(name).copied().unwrap_or(Role::Other);
         let moves = moves && job.options.labels == LabelsOption::Move;
+        match role {
+            Role::Frames => return self.rewrite(name, condition, moves, report),
+            Role::Beside if moves => return self.rewrite(name, condition, moves, report),
+            Role::Beside | Role::Other | Role::Fixed => return self.carry(name, condition, report),
+            _ => {}
+        }
+        let (bytes, source) = self.read(name)?;
         let renamed = job.options.format != Format::Same && role == Role::Coco;
         self.make(condition, (name, &source, None), report, |worker| {
             let text = || String::from_utf8(bytes.clone()).map_err(|_| Error::new("it is not text"));
@@ -472,4 +524,13 @@ pub fn seed_of(run_seed: u64, name: &str) -> u64 {
 
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
+}
+
+/// The hash of a file, which may be larger than memory.
+pub(super) fn hash_of(path: &Path) -> Result<String> {
+    let place = format!("cannot read {}", path.display());
+    let (file, _) = file::open(path).place(&place)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(file).place(&place)?;
+    Ok(hasher.finalize().to_hex().to_string())
 }

@@ -1,16 +1,19 @@
 //! Dataset readers: components that read recorded frames with their ground truth.
 
 use std::cell::RefCell;
+use std::ffi::c_void;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use pdk_abi::{DatasetFunctionsRef, Sink, empty, load, store};
+use pdk_abi::{DatasetFunctionsRef, Perturber, Sink, Status, Text, empty, load, store};
 use pdk_ops::FrameBuf;
 
 use crate::abi::convert::{self, Crosses};
-use crate::abi::host::call::{Object, call, collect};
-use crate::abi::plugin::call::{functions, put};
+use crate::abi::host::call::{Object, call, collect, needed};
+use crate::abi::plugin::call::{finish, functions, put};
 use crate::config::Config;
 use crate::describe::Description;
 use crate::error::{Error, ErrorKind, Result};
+use crate::form::{Form, Perturb, Rewrite};
 use crate::testing::sample::{Make, ensure};
 
 /// Reads the frames of a recording, in any order.
@@ -45,6 +48,24 @@ pub trait Dataset: Send {
     /// values, which pdk prints and records.
     fn info(&self) -> Vec<(String, String)> {
         Vec::new()
+    }
+
+    /// How the recording is written again in its own form; none if only its frames can be had, so that a copy is pictures with a record
+    /// beside each.
+    ///
+    /// # Errors
+    /// If that cannot be found out.
+    fn form(&self) -> Result<Option<Form>> {
+        Ok(None)
+    }
+
+    /// Writes a file of the recording again, as [`form`](Self::form) lists it: with the pictures that `perturb` makes of the recorded ones, steering
+    /// of mirrored frames with the other sign, and everything else as it is. The same call gives the same bytes.
+    ///
+    /// # Errors
+    /// If a frame cannot be read or perturbed, or the file cannot be written.
+    fn rewrite(&mut self, _: &Rewrite, _: &mut Perturb<'_>) -> Result<()> {
+        Err(Error::new("recordings of this form are not written"))
     }
 }
 
@@ -128,6 +149,19 @@ functions! { Dataset as DatasetFunctions:
         put(info, &serde_json::to_string(&component.info())?);
         Ok(())
     }
+    fn form(component, _, form: *const Sink) {
+        put(form, &serde_json::to_string(&component.form()?)?);
+        Ok(())
+    }
+    fn rewrite(component, _, wanted: Text, perturber: *const Perturber) {
+        let wanted: Rewrite = serde_json::from_str(convert::text(wanted)?)?;
+        let perturber = load(perturber, empty());
+        let apply = perturber.apply.ok_or_else(|| Error::of(ErrorKind::Nonsense, "nothing perturbs its frames"))?;
+        component.rewrite(&wanted, &mut |index, source, mut target| {
+            let (source, target) = (convert::frame(source), convert::frame_mut(&mut target));
+            call(|error| apply(perturber.context, index as u64, &source, &target, error))
+        })
+    }
 }
 
 /// An instance in a plugin.
@@ -193,6 +227,25 @@ impl Dataset for Host {
         self.info.clone()
     }
 
+    fn form(&self) -> Result<Option<Form>> {
+        let object = self.object.borrow_mut();
+        let Some(form) = object.functions.form() else { return Ok(None) };
+        // SAFETY: both sinks live through the call.
+        let form = collect(|text, error| unsafe { form(object.pointer, text, error) })?;
+        Ok(serde_json::from_str(&form)?)
+    }
+
+    fn rewrite(&mut self, wanted: &Rewrite, perturb: &mut Perturb<'_>) -> Result<()> {
+        let Object { pointer, functions, .. } = *self.object.get_mut();
+        let rewrite = needed(functions.rewrite(), "rewrite")?;
+        let wanted = serde_json::to_string(wanted)?;
+        let mut perturb = perturb;
+        let perturber = Perturber { context: (&raw mut perturb).cast(), apply: Some(apply), ..empty() };
+        let wanted = Text::new(wanted.as_bytes());
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { rewrite(pointer, wanted, &perturber, error) })
+    }
+
     fn position(&self, index: usize) -> Position {
         let unknown = Position { part: 0, number: index as u64, time: f64::NAN };
         let object = self.object.borrow_mut();
@@ -202,6 +255,27 @@ impl Dataset for Host {
         let told = call(|error| unsafe { function(object.pointer, index as u64, &mut position, error) });
         told.map_or(unknown, |()| Position::from_raw(position))
     }
+}
+
+/// Perturbs a frame for the plugin, which writes it to the copy. A panic must not cross the boundary.
+unsafe extern "C" fn apply(
+    context: *mut c_void,
+    index: u64,
+    source: *const pdk_abi::Frame,
+    target: *const pdk_abi::FrameMut,
+    error: *const Sink,
+) -> Status {
+    let work = || {
+        // SAFETY: `context` is what `rewrite` above passed on, and the plugin lends both frames for this call, the second not to be used by
+        // anything else.
+        let (perturb, source, target) = unsafe {
+            (&mut *context.cast::<&mut Perturb<'_>>(), convert::source(source)?, convert::target(target)?)
+        };
+        perturb(index as usize, source, target)
+    };
+    let panicked = |_| Err(Error::of(ErrorKind::Panic, "pdk panicked while it perturbed a frame"));
+    // SAFETY: the sink is that of this call.
+    unsafe { finish(catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(panicked), error) }
 }
 
 /// Checks that a dataset's frames can be read in any order.

@@ -120,7 +120,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         plain: arguments.plain,
         workers: arguments.workers.map_or(processors.min(40), |workers| workers as usize),
     };
-    let progress = pdk_terminal::progress(global.json, "{pos}/{len} files, {eta} left");
+    let progress = pdk_terminal::progress(global.json, "{pos}/{len}, {eta} left");
     let begin = std::time::Instant::now();
     let done = corrupt::corrupt(&registry, &arguments.dataset, &conditions, &options, &progress)?;
     for warning in &done.warnings {

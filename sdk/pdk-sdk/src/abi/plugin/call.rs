@@ -45,7 +45,7 @@ pub(crate) unsafe fn put(into: *const Sink, text: &str) {
 ///
 /// # Safety
 /// The sink is that of a call in progress.
-pub(super) unsafe fn finish(result: Result<()>, sink: *const Sink) -> Status {
+pub(crate) unsafe fn finish(result: Result<()>, sink: *const Sink) -> Status {
     match result {
         Ok(()) => Status { code: status::DONE },
         Err(error) => {
