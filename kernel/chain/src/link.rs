@@ -358,7 +358,7 @@ fn context<'a>(
     (names, values): (&'a [String], &'a [f64]),
 ) -> Context<'a> {
     let mut cx = Context::new(level, moment.frame_index, moment.time, key).with_values(names, values);
-    (cx.travelled, cx.period) = (moment.travelled, moment.period);
+    (cx.travelled, cx.period, cx.speed) = (moment.travelled, moment.period, moment.speed);
     match draws {
         Some(Draws::PerSequence) => cx.with_stream(0),
         _ => cx,

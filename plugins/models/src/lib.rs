@@ -4,9 +4,10 @@
 //! driving model, the same way whichever engine runs it later. The crate `pdk-network` knows descriptions: it turns frames into the
 //! numbers that the model expects, and outputs into a control. [`engine`] chooses who runs the model: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. Each [`driver`] puts it all together.
-//! [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
+//! [`backward`] has the gradient of the steering with respect to a frame, along which an [`attack`] goes. [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
 //! [`picture`].
 
+mod backward;
 mod engine;
 mod locate;
 mod mathematics;
@@ -18,6 +19,8 @@ mod session;
 mod tract;
 
 #[cfg(test)]
+mod attack_tests;
+#[cfg(test)]
 mod fixture;
 #[cfg(test)]
 mod gradient_tests;
@@ -25,6 +28,16 @@ mod gradient_tests;
 mod saliency_tests;
 #[cfg(test)]
 mod sanity_tests;
+
+mod attack {
+    //! What attacks on a network have in common: the [`network`], the [`goal`] of its steering, the [`ball`] of changes that are allowed, and
+    //! [`descent`] along the gradient.
+
+    pub mod ball;
+    pub mod descent;
+    pub mod goal;
+    pub mod network;
+}
 
 mod driver {
     //! The drivers: [`onnx`] runs a network in a file, the others those that are part of this plugin: [`built_in`] has them by name, and
@@ -40,13 +53,17 @@ mod driver {
 }
 
 mod perturbation {
-    //! The perturbations: [`repaint`] runs a network in a file, the others those that are part of this plugin ([`painter`]).
+    //! The perturbations: [`repaint`] runs a network in a file that paints, others those that are part of this plugin ([`painter`]). [`fgsm`], [`pgd`] and
+    //! [`square_attack`] change frames so that a network steers elsewhere.
 
     pub mod artistic;
+    pub mod fgsm;
     pub mod night;
     pub mod painter;
+    pub mod pgd;
     pub mod rainy;
     pub mod repaint;
+    pub mod square_attack;
 }
 
 mod mask {
@@ -116,6 +133,9 @@ pdk_sdk::export! {
         perturbation::night::Night,
         perturbation::rainy::Rainy,
         perturbation::artistic::Artistic,
+        perturbation::fgsm::Fgsm,
+        perturbation::pgd::Pgd,
+        perturbation::square_attack::SquareAttack,
     ],
     masks: [mask::segmentation::Segmentation],
     predictors: [predictor::network::Network],

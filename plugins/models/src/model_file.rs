@@ -6,6 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use pdk_network::described::Described;
 use pdk_network::given::ENDINGS;
 use pdk_network::{Declared, Given, Inputs, Outputs, Plan};
+use pdk_onnx::model;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 use tract_onnx::pb;
@@ -26,6 +27,17 @@ pub enum Source {
 }
 
 impl Source {
+    /// The graph, for what is built from it.
+    ///
+    /// # Errors
+    /// If it cannot be read, or contradicts itself.
+    pub fn graph(&self) -> Result<pdk_onnx::Graph> {
+        pdk_onnx::Graph::new(match self {
+            Self::File(path) => model::read(path)?,
+            Self::BuiltIn(bytes) => model::decode(bytes)?,
+        })
+    }
+
     /// The content.
     ///
     /// # Errors
@@ -105,7 +117,7 @@ impl ModelFile {
     pub fn read_at(source: Source, mut given: Given, open: Option<[usize; 2]>) -> Result<Self> {
         let content = source.content()?;
         // The content is read twice, because what engines take and what `pdk show` reads are types of two crates.
-        let declared = Declared::of_model(&pdk_onnx::model::decode(&content)?);
+        let declared = Declared::of_model(&model::decode(&content)?);
         let proto = tract_onnx::onnx()
             .proto_model_for_read(&mut &*content)
             .map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;

@@ -107,6 +107,8 @@ sized! {
         pub depth: *const f32,
         /// The number of its values.
         pub depth_length: usize,
+        /// The vehicle's speed in metres per second; not a number where it is not known.
+        pub speed: f64,
     }
 
     /// Size and rate of a simulator's camera.

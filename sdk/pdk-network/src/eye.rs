@@ -19,27 +19,45 @@ use crate::resize::{Filter, Resizer};
 
 /// What a place in the image holds, by the ages of frames: 0 is the newest.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Slot {
+pub(crate) enum Slot {
     Frame(usize),
     /// The newer less the older.
     Difference(usize, usize),
 }
 
+/// How far apart in an image's tensor neighbours are along its axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Strides {
+    across: usize,
+    down: usize,
+    /// From channel to channel.
+    pub(crate) deep: usize,
+    /// From one place of the stack to the next.
+    next: usize,
+}
+
+impl Strides {
+    /// Where the first channel of a pixel in a place of the stack is.
+    pub(crate) fn place(&self, place: usize, y: usize, x: usize) -> usize {
+        place * self.next + y * self.down + x * self.across
+    }
+}
+
 /// Makes the image of frames.
 pub struct Eye {
-    image: Image,
-    frame: Option<[usize; 2]>,
-    region: Region,
+    pub(crate) image: Image,
+    pub(crate) frame: Option<[usize; 2]>,
+    pub(crate) region: Region,
     filter: Filter,
-    color: Color,
-    numbers: Numbers,
+    pub(crate) color: Color,
+    pub(crate) numbers: Numbers,
     spacing: usize,
-    starts_with_zeros: bool,
-    slots: Vec<Slot>,
+    pub(crate) starts_with_zeros: bool,
+    pub(crate) slots: Vec<Slot>,
     /// The bytes of frames, the newest first, pixel by pixel.
     seen: VecDeque<Vec<u8>>,
     /// To the size that crops are meant for, and to the network's.
-    resizers: [Option<Resizer>; 2],
+    pub(crate) resizers: [Option<Resizer>; 2],
     whole: FrameBuf,
 }
 
@@ -168,16 +186,20 @@ impl Eye {
         }
     }
 
-    /// Writes all places; `at` has the bytes of the frame of an age.
-    fn write<'a>(&self, at: impl Fn(usize) -> Option<&'a Vec<u8>>, values: &mut [f32]) {
+    /// How the image's tensor is laid out.
+    pub(crate) fn strides(&self) -> Strides {
         let stride = |letter: char| {
             let axis = self.image.axis(letter);
             axis.map(|axis| self.image.shape[axis + 1..].iter().product::<usize>())
         };
-        let channels = self.image.channels;
         let [across, down, deep] = ['w', 'h', 'c'].map(|letter| stride(letter).unwrap_or_default());
         // Without an axis for time, frames are joined along the channels.
-        let next = stride('t').unwrap_or(deep * channels);
+        Strides { across, down, deep, next: stride('t').unwrap_or(deep * self.image.channels) }
+    }
+
+    /// Writes all places; `at` has the bytes of the frame of an age.
+    fn write<'a>(&self, at: impl Fn(usize) -> Option<&'a Vec<u8>>, values: &mut [f32]) {
+        let (strides, channels) = (self.strides(), self.image.channels);
         for (place, slot) in self.slots.iter().enumerate() {
             let (newer, older) = match *slot {
                 Slot::Frame(age) => (at(age), None),
@@ -186,12 +208,12 @@ impl Eye {
             for y in 0..self.image.height {
                 for x in 0..self.image.width {
                     let pixel = (y * self.image.width + x) * channels;
-                    let into = place * next + y * down + x * across;
+                    let into = strides.place(place, y, x);
                     for channel in 0..channels {
                         let number = |bytes: Option<&Vec<u8>>| {
                             bytes.map_or(0.0, |bytes| self.numbers.number(channel, bytes[pixel + channel]))
                         };
-                        values[into + channel * deep] = match older {
+                        values[into + channel * strides.deep] = match older {
                             None => number(newer),
                             Some(older) => number(newer) - number(older),
                         };

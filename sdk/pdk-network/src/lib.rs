@@ -5,8 +5,9 @@
 //! [`described`] is their meaning, with [`gets`] for further inputs and [`rule`] for outputs. [`declared`] is what an ONNX file says about its inputs and outputs. A [`plan`] joins the two:
 //! what each input gets, the [`image`] first, and the [`reason`]; [`outputs`] does the same for what comes out. [`eye`] makes the image's tensor of frames, by way
 //! of [`region`], [`resize`], [`color`] and [`numbers`], and [`inputs`] holds the values of all inputs from frame to frame.
-//! [`template`] writes a description to complete, and [`seen`] turns a tensor back into a picture.
+//! `back` takes a gradient back from the tensor to the frame. [`template`] writes a description to complete, and [`seen`] turns a tensor back into a picture.
 
+mod back;
 pub mod color;
 pub mod declared;
 pub mod described;

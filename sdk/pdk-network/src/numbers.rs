@@ -83,6 +83,11 @@ impl Numbers {
         self.tables[channel][usize::from(byte)]
     }
 
+    /// By how much the number of a channel grows with its byte.
+    pub fn slope(&self, channel: usize) -> f32 {
+        (self.number(channel, 255) - self.number(channel, 0)) / 255.0
+    }
+
     /// The least and the greatest number of all channels.
     pub fn range(&self) -> (f32, f32) {
         let all = || self.tables.iter().flatten().copied();

@@ -29,9 +29,18 @@ impl Source {
         self.rule.scale < 0.0
     }
 
+    /// By how much the control grows with the output's number.
+    pub fn slope(&self) -> f64 {
+        self.rule.scale
+    }
+
     /// The value of the outputs; none if a number is missing.
     fn value(&self, outputs: &[Vec<f32>]) -> Option<f64> {
-        let numbers = &outputs[self.output];
+        self.of(&outputs[self.output])
+    }
+
+    /// The value of the numbers of its output; none if one is missing.
+    pub fn of(&self, numbers: &[f32]) -> Option<f64> {
         let raw = match (&self.rule.bins, self.index) {
             (None, index) => f64::from(*numbers.get(index.unwrap_or(0))?),
             (Some(bins), _) if bins.len() != numbers.len() => return None,

@@ -59,6 +59,9 @@ const PIL_BITS: u32 = 22;
 /// The input pixels of each output pixel along an axis, with their weights.
 type Taps<W> = Vec<Vec<(usize, W)>>;
 
+/// The input pixels of each output pixel along an axis, with their shares.
+pub(crate) type Weights = Taps<f32>;
+
 /// Where sums of whole numbers are rounded.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Rounding {
@@ -131,6 +134,31 @@ impl Resizer {
             Filter::PilBicubic => pil(|x| cubic(x.abs(), -0.5), 2.0),
         };
         Self { from, to, way }
+    }
+
+    /// The shares of input pixels in each output pixel, across and down. What is rounded is left out.
+    pub(crate) fn weights(&self) -> [Weights; 2] {
+        let whole = |taps: &Taps<i64>, one: f64| -> Weights {
+            let share = |(place, weight): &(usize, i64)| (*place, (*weight as f64 / one) as f32);
+            taps.iter().map(|taps| taps.iter().map(share).collect()).collect()
+        };
+        let (from, to) = (self.from, self.to);
+        if from == to {
+            return to.map(|length| (0..length).map(|place| vec![(place, 1.0)]).collect());
+        }
+        match &self.way {
+            Way::Linear => [0, 1].map(|i| whole(&linear_taps(from[i], to[i], true), f64::from(1 << CV_BITS))),
+            Way::Whole { columns, rows, rounding } => {
+                let bits = if *rounding == Rounding::Bytes { PIL_BITS } else { CV_BITS };
+                [columns, rows].map(|taps| whole(taps, f64::from(1 << bits)))
+            }
+            Way::Area { columns, rows } => [columns.clone(), rows.clone()],
+            Way::Blocks { width, height } => [(to[0], *width), (to[1], *height)].map(|(length, block)| {
+                let taps =
+                    |place: usize| (place * block..(place + 1) * block).map(|at| (at, 1.0 / block as f32));
+                (0..length).map(|place| taps(place).collect()).collect()
+            }),
+        }
     }
 
     /// Resizes a frame of the size that was prepared for.

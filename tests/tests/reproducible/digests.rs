@@ -15,8 +15,8 @@ use pdk_tests::repository;
 /// Frames of a sequence.
 const FRAMES: u64 = 14;
 
-/// Networks, which tests of their own compare, and corruptions that have reference outputs.
-const ELSEWHERE: [&str; 2] = ["generative", "imagenet_c"];
+/// Networks and attacks on them, which have tests of their own, and corruptions that have reference outputs.
+const ELSEWHERE: [&str; 3] = ["attack", "generative", "imagenet_c"];
 
 /// The digest of some frames, each of which is moved to the left of the one before.
 fn digest(chain: &mut Chain, source: &FrameBuf) -> String {

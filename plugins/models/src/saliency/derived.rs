@@ -7,7 +7,6 @@ use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
 use crate::engine;
-use crate::model_file::Source;
 use crate::session::{self, Network, Session};
 
 /// What can be done where a gradient is missing.
@@ -44,10 +43,7 @@ pub struct Derived {
 /// # Errors
 /// If it contradicts itself.
 pub fn graph(viewer: &Viewer) -> Result<Graph> {
-    Graph::new(match &viewer.model.source {
-        Source::File(path) => model::read(path)?,
-        Source::BuiltIn(bytes) => model::decode(bytes)?,
-    })
+    viewer.model.source.graph()
 }
 
 /// The input of a graph that is the image.

@@ -1,4 +1,4 @@
-//! A model as saliency methods see it: frames in, steering or throttle out.
+//! A model as saliency methods and attacks see it: frames in, steering or throttle out.
 
 use pdk_network::outputs::Source as Number;
 use pdk_network::region::Part;
@@ -12,15 +12,15 @@ use crate::engine;
 use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
 
-/// A model whose output is explained. One that remembers is asked as at the first frame, when it remembers nothing.
+/// A model whose output is explained, the steering unless the parameter `explain` says otherwise. One that remembers is asked as at the first frame, when it remembers nothing.
 pub struct Viewer {
     /// The file and who runs it, for messages.
     pub place: String,
     pub model: ModelFile,
     pub engine: String,
     session: Box<dyn Session>,
-    eye: Eye,
-    drives: Outputs,
+    pub eye: Eye,
+    pub drives: Outputs,
     /// Whether the throttle is explained, and not the steering.
     throttle: bool,
     /// The speed that goes into the network, and the one that stands in for it if it is not known.

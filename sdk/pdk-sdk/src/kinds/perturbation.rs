@@ -141,6 +141,8 @@ pub struct Context<'a> {
     /// How far away each pixel is along the optical axis in metres, row by row; infinite for the sky. None if the description
     /// does not [ask for it](crate::describe::Description::depth_with), or if it is not known.
     pub depth: Option<&'a [f32]>,
+    /// The vehicle's speed in metres per second; where it is known.
+    pub speed: Option<f64>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
     pub(crate) stream: u64,
@@ -162,6 +164,7 @@ impl<'a> Context<'a> {
             signals: Signals::default(),
             period: None,
             depth: None,
+            speed: None,
             key,
             stream: frame_index,
             names: &[],
@@ -331,8 +334,8 @@ unsafe fn with_context(
 ) -> Result<()> {
     // SAFETY: the caller's promise.
     unsafe {
-        // A host that does not tell how far the vehicle has driven does not know it.
-        let unknown = pdk_abi::PerturbationContext { travelled: f64::NAN, ..empty() };
+        // A host that does not tell how far the vehicle has driven, and how fast, does not know it.
+        let unknown = pdk_abi::PerturbationContext { travelled: f64::NAN, speed: f64::NAN, ..empty() };
         let raw = load(context, unknown);
         let key = Key(raw.key);
         let mut cx = Context::new(raw.intensity, raw.frame_index, raw.time, &key)
@@ -367,6 +370,7 @@ unsafe fn with_context(
         cx.period = Some(raw.period).filter(|seconds| *seconds > 0.0);
         let depth = convert::slice(raw.depth, raw.depth_length);
         cx.depth = (!depth.is_empty()).then_some(depth);
+        cx.speed = Some(raw.speed).filter(|speed| speed.is_finite());
         work(&cx)
     }
 }
@@ -459,6 +463,7 @@ fn perturbation_context(cx: &Context<'_>) -> pdk_abi::PerturbationContext {
         signals_passed: cx.signals.passed.as_ptr().cast(),
         depth: cx.depth.map_or(std::ptr::null(), <[f32]>::as_ptr),
         depth_length: cx.depth.map_or(0, <[f32]>::len),
+        speed: cx.speed.unwrap_or(f64::NAN),
         ..empty()
     }
 }
