@@ -113,6 +113,8 @@ functions! {
     Form: "form";
     /// A file of a recording that is written again.
     Rewrite: "rewrite";
+    /// How a driver's steering changes with a frame.
+    Gradient: "gradient";
 }
 
 /// Both processes see this.

@@ -30,9 +30,10 @@ mod saliency_tests;
 mod sanity_tests;
 
 mod attack {
-    //! What attacks on a network have in common: the [`network`], the [`goal`] of its steering, the [`ball`] of changes that are allowed, and
+    //! What attacks on a network have in common: the pictures of [`artwork`], the [`network`], the [`goal`] of its steering, the [`ball`] of changes that are allowed, and
     //! [`descent`] along the gradient.
 
+    pub mod artwork;
     pub mod ball;
     pub mod descent;
     pub mod goal;
@@ -54,16 +55,18 @@ mod driver {
 
 mod perturbation {
     //! The perturbations: [`repaint`] runs a network in a file that paints, others those that are part of this plugin ([`painter`]). [`fgsm`], [`pgd`] and
-    //! [`square_attack`] change frames so that a network steers elsewhere.
+    //! [`square_attack`] change frames so that a network steers elsewhere; [`universal`] and [`patch`] show pictures that were trained to do that.
 
     pub mod artistic;
     pub mod fgsm;
     pub mod night;
     pub mod painter;
+    pub mod patch;
     pub mod pgd;
     pub mod rainy;
     pub mod repaint;
     pub mod square_attack;
+    pub mod universal;
 }
 
 mod mask {
@@ -136,6 +139,8 @@ pdk_sdk::export! {
         perturbation::fgsm::Fgsm,
         perturbation::pgd::Pgd,
         perturbation::square_attack::SquareAttack,
+        perturbation::universal::Universal,
+        perturbation::patch::Patch,
     ],
     masks: [mask::segmentation::Segmentation],
     predictors: [predictor::network::Network],

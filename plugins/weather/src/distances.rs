@@ -1,6 +1,7 @@
 //! How far away pixels are: as the simulator knows it, or on the plane of the ground.
 
 use pdk_sdk::camera::Mounting;
+use pdk_sdk::ground::View;
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
@@ -30,36 +31,6 @@ pub struct Distances {
     size: [usize; 2],
 }
 
-/// Where the pixels of frames of a size look.
-#[derive(Clone, Copy)]
-pub struct View {
-    /// The focal length in pixels.
-    pub focal: f64,
-    /// The sine and the cosine of the pitch.
-    pub pitch: [f64; 2],
-    /// The middle of the frame.
-    pub middle: [f64; 2],
-}
-
-impl View {
-    /// A pixel's place from the middle, to the right and down, in focal lengths.
-    fn tangents(&self, place: [usize; 2]) -> [f64; 2] {
-        [0, 1].map(|axis| (place[axis] as f64 + 0.5 - self.middle[axis]) / self.focal)
-    }
-
-    /// Where a pixel looks, on level ground: to the right, down and ahead, as the sides of a vector of length 1.
-    pub fn direction(&self, place: [usize; 2]) -> [f64; 3] {
-        let ([u, v], [sine, cosine], way) = (self.tangents(place), self.pitch, self.way(place));
-        [u / way, (sine + v * cosine) / way, (cosine - v * sine) / way]
-    }
-
-    /// How much longer the way to a pixel is than its distance along the optical axis.
-    fn way(&self, place: [usize; 2]) -> f64 {
-        let [u, v] = self.tangents(place);
-        (1.0 + u * u + v * v).sqrt()
-    }
-}
-
 /// Adds the parameters that say where distances come from.
 pub fn described(description: Description) -> Description {
     description
@@ -77,6 +48,11 @@ pub fn described(description: Description) -> Description {
                 .unit("m")
                 .only_for("depth", "ground"),
         )
+}
+
+/// The place of a pixel's centre.
+pub fn centre(pixel: [usize; 2]) -> [f64; 2] {
+    pixel.map(|side| side as f64 + 0.5)
 }
 
 impl Distances {
@@ -103,13 +79,8 @@ impl Distances {
     }
 
     /// Where the pixels of frames of a size look.
-    pub fn view(&self, [width, height]: [usize; 2]) -> View {
-        let Mounting { field_of_view, pitch, .. } = self.mounting;
-        View {
-            focal: width as f64 / 2.0 / libm::tan(field_of_view.to_radians() / 2.0),
-            pitch: [libm::sin(pitch.to_radians()), libm::cos(pitch.to_radians())],
-            middle: [width as f64 / 2.0, height as f64 / 2.0],
-        }
+    pub fn view(&self, size: [usize; 2]) -> View {
+        self.mounting.view(size)
     }
 
     /// The distances of a frame of this size, row by row.
@@ -138,9 +109,9 @@ impl Distances {
         let (view, source) = (self.view([width, height]), self.source);
         let (camera, beyond) = (self.mounting.height, self.beyond);
         let of = |place: [usize; 2]| match source {
-            Source::Simulator => view.way(place) as f32,
+            Source::Simulator => view.stretch(centre(place)) as f32,
             Source::Ground => {
-                let [_, down, _] = view.direction(place);
+                let [_, down, _] = view.direction(centre(place));
                 let distance = if down > 0.0 { camera / down } else { f64::INFINITY };
                 distance.min(beyond) as f32
             }
@@ -204,9 +175,9 @@ mod tests {
     fn a_camera_that_looks_down_sees_the_horizon_above_the_middle() {
         let view = distances(&json!({"camera_pitch": 45, "field_of_view": 90})).view([101, 101]);
         // The upper edge of a square frame looks straight ahead, the middle 45 degrees down.
-        let [right, down, ahead] = view.direction([50, 0]);
+        let [right, down, ahead] = view.direction(centre([50, 0]));
         assert!(right.abs() < 1e-9 && down.abs() < 0.01 && ahead > 0.99);
-        let [_, down, ahead] = view.direction([50, 50]);
+        let [_, down, ahead] = view.direction(centre([50, 50]));
         assert!((down - 0.5f64.sqrt()).abs() < 1e-9 && (ahead - down).abs() < 1e-9);
     }
 

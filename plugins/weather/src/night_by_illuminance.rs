@@ -4,7 +4,7 @@ use pdk_sdk::ops::light::Light;
 use pdk_sdk::ops::sensor::{Sensor, expose};
 use pdk_sdk::prelude::*;
 
-use crate::distances::{self, Distances};
+use crate::distances::{self, Distances, centre};
 
 /// How high above the road the lamps are, and how far ahead of the camera, in metres.
 const LAMPS: [f64; 2] = [0.65, 1.5];
@@ -136,7 +136,7 @@ impl NightByIlluminance {
             self.size = [width, height];
             let places = (0..width * height).map(|place| [place % width, place / width]);
             let view = self.distances.view(self.size);
-            let direction = |place| view.direction(place).map(|side| side as f32);
+            let direction = |place| view.direction(centre(place)).map(|side| side as f32);
             self.directions = places.map(direction).collect();
         }
         let stay = self.distances.stay();

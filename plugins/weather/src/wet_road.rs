@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
-use crate::distances::{self, Distances};
+use crate::distances::{self, Distances, centre};
 use crate::patches::{self, Patches};
 
 /// The refractive index of water.
@@ -117,22 +117,17 @@ impl Water {
         }
         self.size = [width, height];
         let (view, camera) = (distances.view(self.size), distances.mounting().height);
-        let (focal, [sine, cosine]) = (view.focal, view.pitch);
-        let rises = |y: &usize| view.direction([width / 2, *y])[1] <= 0.0;
+        let rises = |y: &usize| view.direction(centre([width / 2, *y]))[1] <= 0.0;
         self.sky = (0..height).take_while(rises).count();
         self.mirrors = (0..width * height)
             .map(|place| {
-                let [right, down, ahead] = view.direction([place % width, place / width]);
+                let [right, down, ahead] = view.direction(centre([place % width, place / width]));
                 if down <= 0.0 {
                     return Mirror::default();
                 }
-                // The same way, but up, and turned back into the camera.
-                let (axis, below) = (ahead * cosine - down * sine, -ahead * sine - down * cosine);
-                let [column, row] = match axis > 0.0 {
-                    true => [view.middle[0] + focal * right / axis, view.middle[1] + focal * below / axis],
-                    // It leads over the camera, where the frame shows nothing: its own column has what is nearest at its top.
-                    false => [(place % width) as f64, f64::NEG_INFINITY],
-                };
+                // The same way, but up. If it leads over the camera, where the frame shows nothing, its own column has what is nearest at its top.
+                let over = [(place % width) as f64, f64::NEG_INFINITY];
+                let [column, row] = view.towards([right, -down, ahead]).unwrap_or(over);
                 Mirror {
                     // Of waves one sees more of the sides that face the camera.
                     reflects: RIPPLES.map(|slope| fresnel((down + slope).min(1.0)) as f32),

@@ -270,6 +270,16 @@ pub struct DriverFunctions {
     /// What was decided when the instance was made: a JSON list of `[name, value]`.
     #[sabi(last_prefix_field)]
     pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
+    /// Writes how the steering at a frame that counts as the first changes with each of its bytes, row by row, `length` numbers, and the steering.
+    pub gradient: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: *const Frame,
+        context: *const DriveContext,
+        into: *mut f32,
+        length: usize,
+        steering: *mut f64,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a predictor.

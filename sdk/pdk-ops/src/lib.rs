@@ -16,6 +16,7 @@ pub mod canvas;
 pub mod color;
 pub mod compare;
 mod dct;
+pub mod decal;
 pub mod displacement;
 pub mod draw;
 pub mod edges;

@@ -15,6 +15,7 @@ mod earlier_maps;
 mod export;
 pub mod file;
 pub mod form;
+pub mod ground;
 pub mod history;
 pub mod input_files;
 mod kinds;

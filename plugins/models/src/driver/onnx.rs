@@ -1,9 +1,10 @@
 //! The driver `onnx`: a steering network in an ONNX file.
 
 use pdk_network::reason::ASSUMED;
-use pdk_network::{Eye, Given, Inputs, Outputs, field};
+use pdk_network::{Eye, Given, Inputs, Outputs, Plan, field};
 use pdk_sdk::prelude::*;
 
+use crate::backward::Backward;
 use crate::engine;
 use crate::model_file::{self, ModelFile, Source};
 use crate::session::Session;
@@ -23,6 +24,11 @@ pub struct Onnx {
     numbers: Vec<Vec<f32>>,
     /// Conventions that nothing confirms.
     assumed: Option<String>,
+    /// What the gradient is built from, when it is asked for, and the gradient.
+    source: Source,
+    plan: Plan,
+    engine: String,
+    backward: Option<Backward>,
 }
 
 impl Component for Onnx {
@@ -81,6 +87,10 @@ impl Onnx {
             outputs,
             numbers: model.room(),
             assumed: pdk_network::reason::assumptions(&reasons),
+            source: model.source,
+            plan: model.plan,
+            engine: engine.to_owned(),
+            backward: None,
         })
     }
 
@@ -97,6 +107,18 @@ impl Onnx {
     }
 }
 
+impl Onnx {
+    /// The steering at a frame that counts as the first, and its gradient.
+    fn steering_and_gradient(&mut self, frame: Frame<'_>, speed: f64) -> Result<(f64, Vec<f32>)> {
+        let Self { source, plan, eye, outputs, engine, backward, .. } = self;
+        let backward = match backward {
+            Some(backward) => backward,
+            None => backward.insert(Backward::of(source, plan, eye, &outputs.steering, engine)?),
+        };
+        backward.run(eye, frame, speed)
+    }
+}
+
 impl Driver for Onnx {
     fn reset(&mut self) -> Result<()> {
         self.inputs.forget();
@@ -106,6 +128,13 @@ impl Driver for Onnx {
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
         self.infer(frame, cx).map_err(|e| e.at(&self.place))
+    }
+
+    fn gradient(&mut self, frame: Frame<'_>, cx: &DriveContext, into: &mut [f32]) -> Result<f64> {
+        let (steering, gradient) =
+            self.steering_and_gradient(frame, cx.speed).map_err(|error| error.at(&self.place))?;
+        into.copy_from_slice(&gradient);
+        Ok(steering)
     }
 
     fn info(&self) -> Vec<(String, String)> {

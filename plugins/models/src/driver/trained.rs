@@ -52,6 +52,23 @@ impl Driver for Trained {
     }
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        let cx = self.moving(cx)?;
+        self.network.drive(frame, &cx)
+    }
+
+    fn gradient(&mut self, frame: Frame<'_>, cx: &DriveContext, into: &mut [f32]) -> Result<f64> {
+        let cx = self.moving(cx)?;
+        self.network.gradient(frame, &cx, into)
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.network.info()
+    }
+}
+
+impl Trained {
+    /// The same with the speed that stands for one that is not known.
+    fn moving(&self, cx: &DriveContext) -> Result<DriveContext> {
         let known = Some(cx.speed).filter(|speed| speed.is_finite()).or(self.assumed);
         let speed = known.ok_or_else(|| {
             Error::new(format!(
@@ -60,11 +77,7 @@ impl Driver for Trained {
                 self.name
             ))
         })?;
-        self.network.drive(frame, &DriveContext { speed, ..*cx })
-    }
-
-    fn info(&self) -> Vec<(String, String)> {
-        self.network.info()
+        Ok(DriveContext { speed, ..*cx })
     }
 }
 
@@ -139,6 +152,10 @@ macro_rules! network {
 
             fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
                 self.network.drive(frame, cx)
+            }
+
+            fn gradient(&mut self, frame: Frame<'_>, cx: &DriveContext, into: &mut [f32]) -> Result<f64> {
+                self.network.gradient(frame, cx, into)
             }
 
             // The library's own hash changes with every build of it; that of the network says whether it is the same.

@@ -5,7 +5,7 @@ pub use pdk_model::control::Control;
 use pdk_ops::Frame;
 
 use crate::abi::convert::{self, Crosses};
-use crate::abi::host::call::{Object, call, collect};
+use crate::abi::host::call::{Object, call, collect, needed};
 use crate::abi::plugin::call::{functions, put};
 use crate::config::Config;
 use crate::describe::Description;
@@ -31,6 +31,20 @@ pub trait Driver: Send {
     /// # Errors
     /// If the driver cannot use the frame, for instance because of its size.
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control>;
+
+    /// How the steering changes with each byte of a frame before which nothing was seen: writes as many numbers as the frame has bytes, row by
+    /// row, and returns the steering. What the driver knows of earlier frames stays as it is.
+    ///
+    /// Drivers that run a network have it; others do without.
+    ///
+    /// # Errors
+    /// If the driver cannot say, or cannot use the frame.
+    fn gradient(&mut self, frame: Frame<'_>, cx: &DriveContext, into: &mut [f32]) -> Result<f64> {
+        let _ = (frame, cx, into);
+        Err(Error::new(
+            "it does not say how its steering changes with a frame; name a driver that runs a network",
+        ))
+    }
 
     /// What was decided when the instance was made and is not among its parameters, such as the library that runs a
     /// network: names and values for the record.
@@ -128,6 +142,36 @@ functions! { Driver as DriverFunctions:
         put(info, &serde_json::to_string(&component.info())?);
         Ok(())
     }
+    fn gradient(
+        component,
+        _,
+        frame: *const pdk_abi::Frame,
+        context: *const pdk_abi::DriveContext,
+        into: *mut f32,
+        length: usize,
+        steering: *mut f64
+    ) {
+        let (frame, into) = (convert::source(frame)?, convert::slice_mut(into, length));
+        let cx = DriveContext::read(context);
+        steering.write(component.gradient(frame, &cx, bytes_of(frame, into)?)?);
+        Ok(())
+    }
+}
+
+/// The numbers for the bytes of a frame, if they are as many.
+fn bytes_of<'a>(frame: Frame<'_>, into: &'a mut [f32]) -> Result<&'a mut [f32]> {
+    match into.len() == frame.width() * frame.height() * 3 {
+        true => Ok(into),
+        false => Err(Error::of(
+            ErrorKind::Nonsense,
+            format!(
+                "{} numbers are not a gradient for a frame of {}x{} pixels; give it three for each pixel",
+                into.len(),
+                frame.width(),
+                frame.height()
+            ),
+        )),
+    }
 }
 
 /// An instance in a plugin.
@@ -159,6 +203,16 @@ impl Driver for Host {
         // SAFETY: everything lives through the call.
         call(|error| unsafe { functions.drive()(pointer, &frame, &context, &mut control, error) })?;
         Ok(Control::from_raw(control))
+    }
+
+    fn gradient(&mut self, frame: Frame<'_>, cx: &DriveContext, into: &mut [f32]) -> Result<f64> {
+        let Object { pointer, functions, .. } = self.object;
+        let gradient = needed(functions.gradient(), "gradient")?;
+        let (frame, context, mut steering) = (convert::frame(frame), cx.raw(), f64::NAN);
+        let (data, length) = (into.as_mut_ptr(), into.len());
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { gradient(pointer, &frame, &context, data, length, &mut steering, error) })?;
+        Ok(steering)
     }
 
     fn info(&self) -> Vec<(String, String)> {

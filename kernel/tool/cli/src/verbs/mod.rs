@@ -21,6 +21,7 @@ use pdk_supervise::supervisor::Limits;
 
 use crate::{memory, supervised};
 
+mod attack;
 mod cache;
 mod check;
 mod completions;
@@ -134,6 +135,8 @@ enum Verb {
     Preview(preview::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
     Saliency(saliency::Arguments),
+    /// Train a picture that makes a driver's network steer elsewhere: a patch on the road, or a change of every frame
+    Attack(attack::Arguments),
     /// Write the exact gradient of a network as a network
     Gradient(gradient::Arguments),
     /// Write the reference pages of all perturbations
@@ -204,6 +207,7 @@ impl Verb {
             | Verb::Corrupt(_)
             | Verb::Preview(_)
             | Verb::Saliency(_)
+            | Verb::Attack(_)
             | Verb::Reference(_) => true,
             Verb::List(_) | Verb::Show(_) => true,
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
@@ -245,6 +249,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(arguments) => preview::run(global, arguments),
         Verb::Corrupt(arguments) => corrupt::run(global, arguments),
         Verb::Saliency(arguments) => saliency::run(global, arguments),
+        Verb::Attack(arguments) => attack::run(global, arguments),
         Verb::Gradient(arguments) => gradient::run(global, arguments),
         Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),

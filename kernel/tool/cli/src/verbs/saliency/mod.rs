@@ -2,10 +2,10 @@
 
 mod curves;
 mod files;
-mod frames;
+pub(super) mod frames;
 mod patches;
 mod recorded;
-mod shown;
+pub(super) mod shown;
 
 use std::path::PathBuf;
 

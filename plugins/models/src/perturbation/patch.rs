@@ -1,0 +1,300 @@
+//! A printed picture: on the road ahead, in perspective, or in a box of the frame.
+
+use pdk_sdk::camera::Mounting;
+use pdk_sdk::ground::Lying;
+use pdk_sdk::ops::decal::{self, Decal};
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
+
+use crate::attack::artwork;
+
+/// The camera of the embedded simulator, behind the windscreen of a car.
+const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
+
+/// Where pictures are laid on the road: nearer ones are below the frame of most cameras, further ones too small to be seen.
+const NEAREST: f64 = 0.5;
+const FURTHEST: f64 = 60.0;
+
+/// Lays a picture over the frame.
+pub struct Patch {
+    picture: FrameBuf,
+    values: Vec<f32>,
+    place: Place,
+    /// The decals of the latest frame, and what they were made for.
+    laid: Option<([usize; 2], Vec<[f64; 2]>, Vec<Decal>)>,
+}
+
+/// Where the picture is.
+enum Place {
+    Road { mounting: Mounting, distance: f64, spacing: f64, offset: f64, turn: f64, stretch: f64 },
+    Frame { middle: [f64; 2] },
+}
+
+impl Component for Patch {
+    fn description() -> Description {
+        Description::perturbation(
+            "patch",
+            "Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network steers elsewhere",
+        )
+        .family("attack")
+        .dynamic()
+        .not_default()
+        .keeps_geometry()
+        .example(json!({"picture": "dave2_patch"}))
+        .mathematics("the picture on the plane of the ground as a pinhole camera sees it, with 16 samples a pixel")
+        .source("Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021")
+        .parameter(artwork::parameter(
+            "the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk",
+        ))
+        .parameter(Parameter::choice(
+            "show",
+            &["picture", "mean"],
+            "picture: as it is; mean: a patch of its mean colour, to compare it with",
+        ))
+        .parameter(Parameter::choice("on", &["road", "frame"], "where it lies: flat on the road, or over a box of the frame"))
+        .parameter(
+            Parameter::by_level("size", [0.5, 1.0, 1.5, 2.0, 3.0], "its width on the road")
+                .range(0.01, 20.0)
+                .unit("m")
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number("stretch", 1.0, "how much longer it is along the road than its shape says, as markings are that are read at a flat angle")
+                .range(0.1, 20.0)
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number("distance", 10.0, "how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start")
+                .range(0.5, 60.0)
+                .unit("m")
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number(
+                "spacing",
+                0.0,
+                "how far apart pictures lie on the way of the vehicle, which drives over them; with 0, one stays ahead of it",
+            )
+            .range(0.0, 1000.0)
+            .unit("m")
+            .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number("offset", 0.0, "how far to the right of the camera its middle lies")
+                .range(-10.0, 10.0)
+                .unit("m")
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number("turn", 0.0, "by how much it is turned to the right on the road")
+                .range(-180.0, 180.0)
+                .unit("degrees")
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::number("speed", 8.0, "how fast the vehicle drives where its way is not known, as in recordings")
+                .range(0.0, 100.0)
+                .unit("m/s")
+                .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::by_level("share", [0.05, 0.1, 0.15, 0.2, 0.3], "its width as a share of the frame's")
+                .range(0.001, 1.0)
+                .only_for("on", "frame"),
+        )
+        .parameter(
+            Parameter::number("across", 0.5, "where its middle lies from the left of the frame to the right")
+                .range(0.0, 1.0)
+                .only_for("on", "frame"),
+        )
+        .parameter(
+            Parameter::number("down", 0.7, "where its middle lies from the top of the frame to the bottom")
+                .range(0.0, 1.0)
+                .only_for("on", "frame"),
+        )
+        .mounting(MOUNTING, 0.1..=10.0, -45.0..=45.0)
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let picture = artwork::read(config)?;
+        let mut values = decal::values(picture.as_ref());
+        if config.text("show") == "mean" {
+            let count = (values.len() / 3) as f64;
+            let mut sums = [0.0; 3];
+            values.iter().enumerate().for_each(|(at, value)| sums[at % 3] += f64::from(*value));
+            values.iter_mut().enumerate().for_each(|(at, value)| *value = (sums[at % 3] / count) as f32);
+        }
+        let number = |name| config.number(name);
+        let place = match config.text("on") {
+            "frame" => Place::Frame { middle: [number("across"), number("down")] },
+            _ => Place::Road {
+                mounting: config.mounting(),
+                distance: number("distance"),
+                spacing: number("spacing"),
+                offset: number("offset"),
+                turn: number("turn").to_radians(),
+                stretch: number("stretch"),
+            },
+        };
+        Ok(Self { picture, values, place, laid: None })
+    }
+}
+
+impl Perturbation for Patch {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let size = [src.width(), src.height()];
+        let middles = self.middles(cx);
+        let same =
+            |(known, at, _): &&([usize; 2], Vec<[f64; 2]>, Vec<Decal>)| *known == size && *at == middles;
+        if self.laid.as_ref().filter(same).is_none() {
+            let decals = middles.iter().map(|middle| self.decal(size, *middle)).collect();
+            self.laid = Some((size, middles, decals));
+        }
+        dst.copy_from(src);
+        if let Some((_, _, decals)) = &self.laid {
+            decals.iter().for_each(|decal| decal.lay(&self.values, dst.reborrow()));
+        }
+        Ok(())
+    }
+}
+
+impl Patch {
+    /// The width of the picture and how far ahead its middle is, for each that is seen, the furthest first.
+    fn middles(&self, cx: &Context<'_>) -> Vec<[f64; 2]> {
+        let Place::Road { distance, spacing, .. } = self.place else {
+            return vec![[cx.number("share"), 0.0]];
+        };
+        let size = cx.number("size");
+        if spacing == 0.0 {
+            return vec![[size, distance]];
+        }
+        let first = distance - cx.travelled.unwrap_or(cx.time * cx.number("speed"));
+        // The first that is not too near.
+        let passed = ((NEAREST - first) / spacing).ceil().max(0.0);
+        let ahead = (0..).map(|number| first + (passed + f64::from(number)) * spacing);
+        let mut middles: Vec<_> =
+            ahead.take_while(|ahead| *ahead <= FURTHEST).map(|ahead| [size, ahead]).collect();
+        middles.reverse();
+        middles
+    }
+
+    /// Where a picture lies in a frame.
+    fn decal(&self, [width, height]: [usize; 2], [size, ahead]: [f64; 2]) -> Decal {
+        let shape = [self.picture.width(), self.picture.height()];
+        let proportion = shape[1] as f64 / shape[0] as f64;
+        match self.place {
+            Place::Frame { middle } => {
+                let across = size * width as f64;
+                let sides = [across, across * proportion];
+                let start =
+                    [0, 1].map(|axis| middle[axis] * [width, height][axis] as f64 - sides[axis] / 2.0);
+                let place =
+                    move |at: [f64; 2]| Some([0, 1].map(|axis| (at[axis] - start[axis]) / sides[axis]));
+                Decal::new([0..width, 0..height], shape, place)
+            }
+            Place::Road { mounting, offset, turn, stretch, .. } => {
+                let lying = Lying { sides: [size, size * proportion * stretch], offset, ahead, turn };
+                lying.decal(&mounting.view([width, height]), shape)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::serde_json::Value;
+    use pdk_sdk::testing::Trial;
+    use tempfile::NamedTempFile;
+
+    use super::*;
+
+    /// A picture of one colour on the left and another on the right.
+    fn picture() -> NamedTempFile {
+        let file = NamedTempFile::with_suffix(".png").unwrap();
+        let mut picture = FrameBuf::new(8, 8);
+        for (x, y) in (0..64).map(|at| (at % 8, at / 8)) {
+            picture.as_mut().set_pixel(x, y, if x < 4 { [200, 0, 0] } else { [0, 0, 100] });
+        }
+        pdk_image::write(file.path(), picture.as_ref()).unwrap();
+        file
+    }
+
+    fn laid(mut given: Value, level: f64, travelled: Option<f64>) -> FrameBuf {
+        let file = picture();
+        given["picture"] = file.path().to_str().unwrap().into();
+        let mut trial = Trial::<Patch>::new(&given, level, Key([1; 32])).unwrap();
+        let grey = FrameBuf::from_vec(vec![90; 320 * 160 * 3], 320, 160).unwrap();
+        let mut target = FrameBuf::new(320, 160);
+        let (instance, mut cx) = trial.at(10, 0.5);
+        cx.travelled = travelled;
+        instance.apply(grey.as_ref(), target.as_mut(), &cx).unwrap();
+        target
+    }
+
+    /// The rows and columns that are not the grey of the frame: the first and the last of each.
+    fn bounds(frame: &FrameBuf) -> Option<[usize; 4]> {
+        let seen: Vec<_> = (0..320 * 160)
+            .map(|at| (at % 320, at / 320))
+            .filter(|(x, y)| frame.as_ref().pixel(*x, *y) != [90; 3])
+            .collect();
+        let range = |values: Vec<usize>| Some([*values.iter().min()?, *values.iter().max()?]);
+        let [left, right] = range(seen.iter().map(|(x, _)| *x).collect())?;
+        let [top, bottom] = range(seen.iter().map(|(_, y)| *y).collect())?;
+        Some([left, top, right, bottom])
+    }
+
+    #[test]
+    fn a_picture_lies_where_a_pinhole_camera_sees_that_part_of_the_road() {
+        let frame = laid(json!({"distance": 8.0, "offset": 1.0}), 3.0, None);
+        let view = MOUNTING.view([320, 160]);
+        // Two metres wide and long.
+        let corner = |right: f64, ahead: f64| view.seen([right, ahead]).unwrap();
+        let [left, top, right, bottom] = bounds(&frame).unwrap().map(|at| at as f64);
+        let expected = [corner(0.0, 7.0)[0], corner(1.0, 9.0)[1], corner(2.0, 7.0)[0], corner(1.0, 7.0)[1]];
+        for (found, expected) in [left, top, right, bottom].into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1.5, "{left} {top} {right} {bottom}: {expected:?}");
+        }
+        let at = |right: f64, ahead: f64| {
+            let [x, y] = corner(right, ahead);
+            frame.as_ref().pixel(x as usize, y as usize)
+        };
+        assert_eq!((at(0.5, 8.0), at(1.5, 8.0)), ([200, 0, 0], [0, 0, 100]));
+        // Turned by a quarter to the right, its left half is away from the camera.
+        let turned = laid(json!({"distance": 8.0, "offset": 1.0, "turn": 90}), 3.0, None);
+        let [x, y] = corner(1.0, 8.5);
+        assert_eq!(turned.as_ref().pixel(x as usize, y as usize), [200, 0, 0]);
+        let mean = laid(json!({"distance": 8.0, "offset": 1.0, "show": "mean"}), 3.0, None);
+        let [x, y] = corner(0.5, 8.0);
+        assert_eq!(
+            (mean.as_ref().pixel(x as usize, y as usize), bounds(&mean)),
+            ([100, 0, 50], bounds(&frame))
+        );
+    }
+
+    #[test]
+    fn pictures_on_the_way_come_nearer_and_others_follow() {
+        let seen = |travelled| laid(json!({"distance": 20.0, "spacing": 100.0}), 3.0, travelled);
+        let bottom = |travelled| bounds(&seen(Some(travelled))).map(|bounds| bounds[3]);
+        let places = [0.0, 5.0, 10.0, 14.0].map(bottom);
+        assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{places:?}");
+        // Behind the camera it is gone, and the next one is as far away as the first was.
+        assert_eq!(bounds(&seen(Some(30.0))), None);
+        assert_eq!(seen(Some(100.0)), seen(Some(0.0)));
+        // Where the way is not known, it follows from the speed.
+        assert_eq!(seen(None), seen(Some(4.0)));
+        let always = json!({"distance": 20.0});
+        assert_eq!(laid(always.clone(), 3.0, Some(5.0)), laid(always, 3.0, Some(0.0)));
+    }
+
+    #[test]
+    fn a_picture_in_a_box_of_the_frame_covers_its_share() {
+        let frame = laid(json!({"on": "frame", "share": 0.25, "across": 0.25, "down": 0.5}), 0.0, None);
+        assert_eq!(bounds(&frame), Some([40, 40, 119, 119]));
+        assert_eq!((frame.as_ref().pixel(50, 80), frame.as_ref().pixel(110, 80)), ([200, 0, 0], [0, 0, 100]));
+    }
+
+    #[test]
+    fn rules() {
+        pdk_sdk::testing::perturbation::<Patch>();
+    }
+}

@@ -1,0 +1,160 @@
+//! Level ground as a camera sees it, and pictures that lie on it.
+
+use std::ops::Range;
+
+use pdk_ops::decal::Decal;
+
+use crate::camera::Mounting;
+
+impl Mounting {
+    /// What it sees of level ground in frames of this width and height.
+    pub fn view(&self, [width, height]: [usize; 2]) -> View {
+        let pitch = self.pitch.to_radians();
+        View {
+            focal: width as f64 / 2.0 / libm::tan(self.field_of_view.to_radians() / 2.0),
+            size: [width, height],
+            sine: libm::sin(pitch),
+            cosine: libm::cos(pitch),
+            height: self.height,
+        }
+    }
+}
+
+/// What a camera sees of level ground, in frames of one size. Places are in pixels from the upper left corner of the frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// The focal length in pixels.
+    pub focal: f64,
+    size: [usize; 2],
+    /// Of the angle by which it looks down.
+    sine: f64,
+    cosine: f64,
+    height: f64,
+}
+
+impl View {
+    /// Where a place looks: to the right, down and ahead, as the sides of a vector of length 1.
+    pub fn direction(&self, place: [f64; 2]) -> [f64; 3] {
+        let ([u, v], stretch) = (self.tangents(place), self.stretch(place));
+        [u / stretch, (self.sine + v * self.cosine) / stretch, (self.cosine - v * self.sine) / stretch]
+    }
+
+    /// How much further away what is seen at a place is than its distance along the optical axis, as a factor.
+    pub fn stretch(&self, place: [f64; 2]) -> f64 {
+        let [u, v] = self.tangents(place);
+        (1.0 + u * u + v * v).sqrt()
+    }
+
+    /// A place from the middle, to the right and down, in focal lengths.
+    fn tangents(&self, place: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (place[axis] - self.size[axis] as f64 / 2.0) / self.focal)
+    }
+
+    /// Which point of the ground is seen at a place: how far it is to the right of the point below the camera, and ahead of it, in metres. None above the
+    /// horizon.
+    pub fn ground(&self, place: [f64; 2]) -> Option<[f64; 2]> {
+        let [right, down, ahead] = self.direction(place);
+        (down > 0.0).then(|| [right, ahead].map(|side| side * self.height / down))
+    }
+
+    /// Where a point of the ground is seen; none behind the camera.
+    pub fn seen(&self, [right, ahead]: [f64; 2]) -> Option<[f64; 2]> {
+        self.towards([right, self.height, ahead])
+    }
+
+    /// Where what lies in a direction is seen, which is to the right, down and ahead, of any length; none behind the camera.
+    pub fn towards(&self, [right, down, ahead]: [f64; 3]) -> Option<[f64; 2]> {
+        let along = ahead * self.cosine + down * self.sine;
+        let below = down * self.cosine - ahead * self.sine;
+        let [width, height] = self.size.map(|side| side as f64);
+        (along > 0.0)
+            .then(|| [width / 2.0 + self.focal * right / along, height / 2.0 + self.focal * below / along])
+    }
+}
+
+/// A picture that lies flat on the ground, its upper edge away from the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lying {
+    /// Its width and its length, in metres.
+    pub sides: [f64; 2],
+    /// How far to the right of the camera its middle is, in metres.
+    pub offset: f64,
+    /// How far ahead of the camera its middle is, in metres.
+    pub ahead: f64,
+    /// By how much it is turned to the right, in radians.
+    pub turn: f64,
+}
+
+impl Lying {
+    /// How a picture of this width and height in pixels is seen.
+    pub fn decal(&self, view: &View, picture: [usize; 2]) -> Decal {
+        let (sine, cosine) = (libm::sin(self.turn), libm::cos(self.turn));
+        let place = |at: [f64; 2]| {
+            let [right, ahead] = view.ground(at)?;
+            let (right, ahead) = (right - self.offset, ahead - self.ahead);
+            let (across, up) = (right * cosine - ahead * sine, right * sine + ahead * cosine);
+            Some([across / self.sides[0] + 0.5, 0.5 - up / self.sides[1]])
+        };
+        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[across, up]| {
+            let (across, up) = (across * self.sides[0], up * self.sides[1]);
+            view.seen([self.offset + across * cosine + up * sine, self.ahead - across * sine + up * cosine])
+        });
+        Decal::new([0, 1].map(|axis| reach(&corners, axis, view.size[axis])), picture, place)
+    }
+}
+
+/// The columns or rows that corners enclose; all of them if one is behind the camera.
+fn reach(corners: &[Option<[f64; 2]>; 4], axis: usize, length: usize) -> Range<usize> {
+    let places = || corners.iter().flatten().map(|corner| corner[axis]);
+    if places().count() < corners.len() {
+        return 0..length;
+    }
+    let low = places().fold(f64::INFINITY, f64::min).floor().clamp(0.0, length as f64) as usize;
+    let high = places().fold(0.0, f64::max).ceil().clamp(0.0, length as f64) as usize;
+    low..high.max(low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
+
+    #[test]
+    fn what_is_seen_at_a_place_is_where_it_is_seen() {
+        let view = MOUNTING.view([320, 160]);
+        for place in [[10.0, 90.0], [160.0, 80.0], [300.5, 159.0]] {
+            let point = view.ground(place).unwrap();
+            let back = view.seen(point).unwrap();
+            assert!(
+                (0..2).all(|axis| (back[axis] - place[axis]).abs() < 1e-9),
+                "{place:?} {point:?} {back:?}"
+            );
+        }
+        assert_eq!((view.ground([160.0, 20.0]), view.seen([0.0, -5.0])), (None, None));
+        // Straight ahead of a camera that looks down by 45 degrees the ground is as far away as the camera is high.
+        let steep = Mounting { pitch: 45.0, height: 2.0, field_of_view: 90.0 }.view([101, 101]);
+        let [right, ahead] = steep.ground([50.5, 50.5]).unwrap();
+        assert!(right.abs() < 1e-12 && (ahead - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_picture_on_the_ground_covers_what_it_covers_there() {
+        let view = MOUNTING.view([320, 160]);
+        for (turn, offset) in [(0.0, 0.0), (0.5, -1.0)] {
+            let lying = Lying { sides: [2.0, 3.0], offset, ahead: 8.0, turn };
+            let decal = lying.decal(&view, [2, 2]);
+            let inside = (0..160 * 320).filter(|at| {
+                let point = view.ground([(at % 320) as f64 + 0.5, (at / 320) as f64 + 0.5]);
+                point.is_some_and(|[right, ahead]| {
+                    let (right, ahead) = (right - offset, ahead - 8.0);
+                    let across = right * turn.cos() - ahead * turn.sin();
+                    let up = right * turn.sin() + ahead * turn.cos();
+                    across.abs() < 1.0 && up.abs() < 1.5
+                })
+            });
+            let (inside, found) = (inside.count(), decal.pixels());
+            assert!(inside > 1000 && found >= inside && found < inside + 400, "{inside} {found}");
+        }
+    }
+}
