@@ -21,10 +21,10 @@ impl Drive {
             FormFile { name, frames, stored }
         };
         let mut notes: Vec<String> = Vec::new();
-        if let Some(first) = self.others.first() {
+        if !self.others.is_empty() {
             notes.push(format!(
-                "{} more topics have pictures, such as {first}, and are carried over as they are; `image` of the reader chooses the topic",
-                self.others.len()
+                "pictures of other topics are carried over as they are ({}); `image` of the reader chooses the topic",
+                self.others.join(", ")
             ));
         }
         match self.before_keys() {

@@ -120,7 +120,8 @@ fn recordings_come_out_in_their_own_form() {
 fn a_kill_changes_no_byte_of_a_recording() {
     let folder = temp();
     let dataset = format!("lerobot,path={}", written("lerobot_2").display());
-    let with = ["--with", "gaussian_noise@1..4,frozen_frames@3,fog_filter@0..4", "--seed", "9"];
+    let with =
+        ["--with", "gaussian_noise@1..4,frozen_frames@3,fog_filter@0..4", "--labels", "keep", "--seed", "9"];
     let run =
         |workers: &str, out: &str| corrupt(folder.path(), &dataset, &with, out).args(["--workers", workers]);
     run("1", "one").succeed();
