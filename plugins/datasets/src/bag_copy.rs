@@ -13,7 +13,7 @@ use crate::bag::{DATA, Known, MESSAGES, Message, Rows, first_record, is_sqlite, 
 use crate::sqlite::Sqlite;
 use crate::sqlite_copy;
 
-/// Gives what is to stand in place of the content of a message; none where it stays.
+/// Gives what is to stand in place of the content of a message; none if it stays.
 pub type Change<'a> = &'a mut dyn FnMut(&Message<'_>) -> Result<Option<Vec<u8>>>;
 
 /// Writes the file of this number, which is `from`, to `into`.
@@ -43,7 +43,7 @@ pub fn rewrite(number: usize, from: &Path, into: &Path, change: Change<'_>) -> R
     Ok(file.sync_all()?)
 }
 
-/// Records from this number on are not of the format but of whoever wrote them.
+/// Records from this number on are not of the format but of the program that wrote them.
 const PRIVATE: u8 = 0x80;
 
 fn put(writer: &mut Writer<BufWriter<File>>, record: Record<'_>, changed: Option<Vec<u8>>) -> Result<()> {

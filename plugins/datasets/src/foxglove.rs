@@ -5,7 +5,7 @@ use pdk_sdk::prelude::*;
 use prost::Message as _;
 
 use crate::cdr::Cdr;
-use crate::protobuf;
+use crate::protobuf::{self, damaged};
 
 /// How a message of Foxglove is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,11 +14,6 @@ pub enum Stored {
     Protobuf,
     /// As ROS 2 stores messages.
     Ros2,
-}
-
-/// What a message that cannot be decoded is called.
-pub fn damaged(error: prost::DecodeError) -> Error {
-    Error::new(format!("the message is damaged ({error})"))
 }
 
 /// A message of Foxglove.

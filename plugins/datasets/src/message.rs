@@ -5,8 +5,8 @@ use pdk_video::{Stream, Yuv420, begins_anew};
 use prost::Message as _;
 
 use crate::cdr::Cdr;
-use crate::foxglove::{CompressedImage, CompressedVideo, Foxglove, RawImage, Stored, Timestamp, damaged};
-use crate::protobuf;
+use crate::foxglove::{CompressedImage, CompressedVideo, Foxglove, RawImage, Stored, Timestamp};
+use crate::protobuf::{self, damaged};
 use crate::raw::Raw;
 
 /// Kinds of messages with a picture.

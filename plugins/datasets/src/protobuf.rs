@@ -5,8 +5,6 @@ use prost::encoding::{
     DecodeContext, WireType, decode_key, decode_varint, encode_key, encode_varint, skip_field,
 };
 
-use crate::foxglove::damaged;
-
 /// A field as it is stored.
 pub struct Field<'a> {
     /// Its number.
@@ -92,6 +90,11 @@ pub fn with_other_sign(message: &[u8], number: u32) -> Result<Vec<u8>> {
         }
     }
     Ok(written)
+}
+
+/// What a message that cannot be decoded is called.
+pub fn damaged(error: prost::DecodeError) -> Error {
+    Error::new(format!("the message is damaged ({error})"))
 }
 
 #[cfg(test)]

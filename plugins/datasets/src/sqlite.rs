@@ -196,7 +196,7 @@ impl Sqlite {
         Ok(bytes)
     }
 
-    /// A page of a table, which lies so many pages below its root.
+    /// A page of a table, at this depth below its root.
     ///
     /// # Errors
     /// If it is not one.

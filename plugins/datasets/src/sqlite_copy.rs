@@ -15,7 +15,7 @@ const LOCKED: u64 = 1 << 30;
 /// The largest cell of a page with children: the number of a child and the largest number of a row.
 const LARGEST_CELL: usize = 4 + 9;
 
-/// Gives the blob that is to stand in the column of a row; none where it stays as it is.
+/// Gives the blob that is to stand in the column of a row; none if it stays as it is.
 pub type Change<'a> = &'a mut dyn FnMut(i64, &[Value]) -> Result<Option<Vec<u8>>>;
 
 /// Writes the file `from` to `into`, with other blobs in a column of a table.

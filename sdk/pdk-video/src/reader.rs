@@ -242,6 +242,22 @@ impl Reader {
     }
 }
 
+/// Opens what is decoded here, and says what anything else is.
+///
+/// # Errors
+/// If it is not a video, or is cut off.
+pub fn opened(path: &Path) -> Result<Opened> {
+    let (mut file, size) = file::open(path)?;
+    let mut head = Vec::new();
+    (&mut file).take(12).read_to_end(&mut head)?;
+    file.rewind()?;
+    match container(&head) {
+        Some(Container::Mp4) => Reader::open(Box::new(BufReader::new(file)), size, false),
+        Some(Container::Other(name)) => Ok(Opened::OtherCodec(name.to_owned())),
+        None => Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
+    }
+}
+
 /// What a file is by its first bytes, if that is a video.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Container {

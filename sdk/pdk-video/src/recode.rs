@@ -12,8 +12,7 @@ use crate::encoder::{QUANTISER, check_size};
 use crate::ffmpeg::{PROGRAM, Told, each_once, look, not_started};
 use crate::matroska::{frame_head, stream_head};
 use crate::process::{Input, Process};
-use crate::reader::Opened;
-use crate::video::opened;
+use crate::reader::{Opened, opened};
 use crate::writer::Writer;
 
 /// Seconds from one frame that can be decoded alone to the next.
@@ -289,7 +288,7 @@ fn command(told: &Told, encoder: &Encoder, container: &str, keys: u32, into: &Pa
     let mut command = Command::new(program);
     let [once, passthrough] = each_once(program);
     command
-        // One of the encoders tells what it does, whatever ffmpeg is told to tell, unless this says that errors are enough.
+        // One of the encoders reports what it does at any level of ffmpeg's own messages; this limits it to errors.
         .env("SVT_LOG", "1")
         .args(["-v", "error", "-nostdin", "-xerror", "-protocol_whitelist", "file,pipe"])
         .args(["-f", "matroska", "-i", "pipe:0", "-map", "0:v:0", once, passthrough, "-threads", "1"])
@@ -340,7 +339,7 @@ fn refused(said: &str) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::video::Video;
+    use crate::Video;
 
     fn picture(number: usize) -> FrameBuf {
         let bytes = (0..64 * 64).flat_map(|i| [(i % 64 * 3 + number * 9) as u8, (i / 64 * 4) as u8, 90]);
@@ -387,7 +386,16 @@ mod tests {
             let made = Command::new(PROGRAM)
                 .args(["-v", "error", "-i"])
                 .arg(&own)
-                .args(["-vf", "settb=1/1000,setpts=N*100", "-c:v", encoder, "-crf", "10"])
+                .args([
+                    "-fps_mode",
+                    "passthrough",
+                    "-vf",
+                    "settb=1/1000,setpts=N*100",
+                    "-c:v",
+                    encoder,
+                    "-crf",
+                    "10",
+                ])
                 .arg(&path)
                 .status();
             assert!(made.unwrap().success(), "{name}");

@@ -1,14 +1,12 @@
 //! Any video as frames: decoded here if it is H.264 in MP4, and else by the program ffmpeg.
 
-use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
 
-use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
 use crate::ffmpeg::{Ffmpeg, MOST, PROGRAM, times};
-use crate::reader::{Container, Opened, Reader, container};
+use crate::reader::{Opened, Reader, opened};
 use crate::recode::Recoding;
 
 /// The frames of a video in the order in which they are shown, each with its time.
@@ -143,22 +141,6 @@ impl Video {
             Source::Own(_) => "H.264 in MP4, decoded by pdk".to_owned(),
             Source::Other(other) => format!("{}, decoded by ffmpeg", other.codec),
         }
-    }
-}
-
-/// Opens what is decoded here, and says what anything else is.
-///
-/// # Errors
-/// If it is not a video, or is cut off.
-pub(crate) fn opened(path: &Path) -> Result<Opened> {
-    let (mut file, size) = file::open(path)?;
-    let mut head = Vec::new();
-    (&mut file).take(12).read_to_end(&mut head)?;
-    file.rewind()?;
-    match container(&head) {
-        Some(Container::Mp4) => Reader::open(Box::new(BufReader::new(file)), size, false),
-        Some(Container::Other(name)) => Ok(Opened::OtherCodec(name.to_owned())),
-        None => Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
     }
 }
 

@@ -233,7 +233,7 @@ fn settings(dataset: &str, source: &Source, described: &Value, options: &Options
     if !stored.is_empty() {
         settings["stored"] = json!(stored);
     }
-    // Where it lies does not matter, but what is read of it does.
+    // The place of the recording does not matter, but what is read of it does.
     let parameters = source.reader.iter().flat_map(|reader| &reader.parameters);
     let parameters: Map<String, Value> = parameters
         .filter(|(name, _)| *name != "path")
