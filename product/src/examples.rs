@@ -74,6 +74,19 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "attack",
+        &[
+            (
+                "pdk attack patch docs/examples/recording --driver dave2 -o patch.png",
+                "a picture for the road that makes a network steer to the left",
+            ),
+            (
+                "pdk attack universal docs/examples/recording --driver dave2 --goal right -o change.png",
+                "one change for all frames that makes it steer to the right",
+            ),
+        ],
+    ),
+    (
         "gradient",
         &[
             (

@@ -607,6 +607,111 @@ def false_color_filter(
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added.
     """
 
+def fgsm(
+    level: Level = 2.0,
+    *,
+    epsilon: ByLevel | None = None,
+    norm: Literal["linf", "l2"] | None = None,
+    goal: Literal["away", "left", "right", "target"] | None = None,
+    target: float | None = None,
+    model: str | PathLike[str] | None = None,
+    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
+    frame: Any | None = None,
+    crop: Any | None = None,
+    image_size: Any | None = None,
+    resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
+    color: Literal["auto", "rgb", "bgr", "grey", "yuv", "hsv"] | None = None,
+    scale: Any | None = None,
+    mean: Any | None = None,
+    std: Any | None = None,
+    layout: Literal["auto", "nchw", "nhwc", "ntchw", "nthwc", "ncthw"] | None = None,
+    dtype: Literal["auto", "float32", "float16", "uint8", "int8"] | None = None,
+    frames: Any | None = None,
+    spacing: Any | None = None,
+    order: Literal["auto", "oldest_first", "newest_first"] | None = None,
+    start: Literal["auto", "repeat", "zeros"] | None = None,
+    differences: Literal["auto", "none", "only", "both"] | None = None,
+    inputs: Any | None = None,
+    state: Any | None = None,
+    steering: Any | None = None,
+    throttle: Any | None = None,
+    speed: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Changes each pixel a little so that a network steers elsewhere, by one step along the gradient of its steering.
+
+    epsilon: the size of the change: with `norm=linf` no value changes by more than this, rounded down; with
+        `norm=l2` the root of the mean square of all changes is at most this (grey levels of 255; 0 to 255; by level
+        1, 2, 4, 8, 16).
+    norm: how the size of the change is measured: linf by its largest value, l2 by the root of the mean square over
+        all values (default "linf").
+    goal: where the network is to steer: away from what it gives for the frame as it is, on whichever side that is
+        further; left; right; or to `target` (default "away").
+    target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
+        to 1; default 0.0).
+    model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
+        be the driver.
+    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
+        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
+        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
+        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
+        says, or none (default "auto").
+    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
+        it first ([width, height]); left out: as the file beside the model says, or as they come.
+    crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
+        25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
+    image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the
+        file beside the model says, or as the file declares.
+    resize: the filter: bilinear, area and bicubic are OpenCV's, nearest, pil_bilinear and pil_bicubic are PIL's and
+        torchvision's, and linear is pdk's own; auto: as the file beside the model says, or bilinear (default
+        "auto").
+    color: what the channels are, by OpenCV's 8-bit conversions: yuv is COLOR_RGB2YUV, hsv is COLOR_RGB2HSV with hue
+        from 0 to 179; auto: as the file beside the model says, or rgb, or grey for one channel (default "auto").
+    scale: the range to which bytes are brought, or the factor on them ("0..255", "0..1", "-1..1", another range, or
+        a factor); left out: as the file beside the model says, or 0..255.
+    mean: what is subtracted after the scale (a number, or one for each channel); left out: as the file beside the
+        model says, or 0.
+    std: what is divided by after that (a number, or one for each channel); left out: as the file beside the model
+        says, or 1.
+    layout: the order of the image's axes: batch n, time t, channels c, height h, width w; frames of a stack are
+        joined along t, or along c if there is no t; auto: as the file beside the model says, or by the shape
+        (default "auto").
+    dtype: the type of the image's numbers; bytes are rounded to the nearest; auto: as the file beside the model
+        says, or as the file declares (default "auto").
+    frames: how many frames the image stacks (a whole number); left out: as the file beside the model says, or 1, or
+        the length of axis t.
+    spacing: the distance between stacked frames, in frames (a whole number); left out: as the file beside the model
+        says, or 1.
+    order: the order of stacked frames; auto: as the file beside the model says, or oldest_first (default "auto").
+    start: what stands for frames before the first of a sequence: the first, or zeros; auto: as the file beside the
+        model says, or repeat (default "auto").
+    differences: whether the stack holds the differences of neighbouring frames: only them (one fewer than frames),
+        or the newest frame followed by them; auto: as the file beside the model says, or none (default "auto").
+    inputs: what each input gets: the image; the speed, as { value = "speed", unit = "km/h", scale = 1, offset = 0,
+        assumed = 8 }, where assumed is in m/s and stands for a speed that is not known; the controls before, as {
+        value = "controls" }; or constants ({ NAME = "image", "speed", "controls", a number, a list or a table });
+        left out: as the file beside the model says, or by name and shape.
+    state: inputs that get what an output was at the frame before, and zeros at the first ({ INPUT = "OUTPUT" });
+        left out: as the file beside the model says, or NAME_in and NAME_out.
+    steering: the output that steers, or { output = "NAME", index = 0, bins = { from = -1, to = 1, count = 15 },
+        decode = "argmax", scale = 1, offset = 0, clip = [-1, 1] }; bins may be a list of values; decode may also be
+        mean, or softmax_mean for logits ("OUTPUT" or a table); left out: as the file beside the model says, or the
+        first output.
+    throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
+        number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
+        (m/s; 0 to 100; default 8.0).
+    Source: Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015.
+    Not part of the default set.
+    """
+
 def flicker(
     level: Level = 2.0,
     *,
@@ -1746,6 +1851,175 @@ def partial_frames(
     Not part of the default set.
     """
 
+def patch(
+    level: Level = 2.0,
+    *,
+    picture: str | PathLike[str] | None = None,
+    show: Literal["picture", "mean"] | None = None,
+    on: Literal["road", "frame"] | None = None,
+    size: ByLevel | None = None,
+    stretch: float | None = None,
+    distance: float | None = None,
+    spacing: float | None = None,
+    offset: float | None = None,
+    turn: float | None = None,
+    speed: float | None = None,
+    share: ByLevel | None = None,
+    across: float | None = None,
+    down: float | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network
+    steers elsewhere.
+
+    picture: the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk.
+    show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
+    on: where it lies: flat on the road, or over a box of the frame (default "road").
+    size: its width on the road; only with `on=road` (m; 0.01 to 20; by level 0.5, 1, 1.5, 2, 3).
+    stretch: how much longer it is along the road than its shape says, as markings are that are read at a flat
+        angle; only with `on=road` (0.1 to 20; default 1.0).
+    distance: how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start;
+        only with `on=road` (m; 0.5 to 60; default 10.0).
+    spacing: how far apart pictures lie on the way of the vehicle, which drives over them; with 0, one stays ahead
+        of it; only with `on=road` (m; 0 to 1000; default 0.0).
+    offset: how far to the right of the camera its middle lies; only with `on=road` (m; -10 to 10; default 0.0).
+    turn: by how much it is turned to the right on the road; only with `on=road` (degrees; -180 to 180; default
+        0.0).
+    speed: how fast the vehicle drives where its way is not known, as in recordings; only with `on=road` (m/s; 0 to
+        100; default 8.0).
+    share: its width as a share of the frame's; only with `on=frame` (0.001 to 1; by level 0.05, 0.1, 0.15, 0.2,
+        0.3).
+    across: where its middle lies from the left of the frame to the right; only with `on=frame` (0 to 1; default
+        0.5).
+    down: where its middle lies from the top of the frame to the bottom; only with `on=frame` (0 to 1; default 0.7).
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    Source: Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021.
+    Not part of the default set.
+    """
+
+def pgd(
+    level: Level = 2.0,
+    *,
+    epsilon: ByLevel | None = None,
+    norm: Literal["linf", "l2"] | None = None,
+    steps: int | None = None,
+    step: float | None = None,
+    from: Literal["random", "frame"] | None = None,
+    goal: Literal["away", "left", "right", "target"] | None = None,
+    target: float | None = None,
+    model: str | PathLike[str] | None = None,
+    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
+    frame: Any | None = None,
+    crop: Any | None = None,
+    image_size: Any | None = None,
+    resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
+    color: Literal["auto", "rgb", "bgr", "grey", "yuv", "hsv"] | None = None,
+    scale: Any | None = None,
+    mean: Any | None = None,
+    std: Any | None = None,
+    layout: Literal["auto", "nchw", "nhwc", "ntchw", "nthwc", "ncthw"] | None = None,
+    dtype: Literal["auto", "float32", "float16", "uint8", "int8"] | None = None,
+    frames: Any | None = None,
+    spacing: Any | None = None,
+    order: Literal["auto", "oldest_first", "newest_first"] | None = None,
+    start: Literal["auto", "repeat", "zeros"] | None = None,
+    differences: Literal["auto", "none", "only", "both"] | None = None,
+    inputs: Any | None = None,
+    state: Any | None = None,
+    steering: Any | None = None,
+    throttle: Any | None = None,
+    speed: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Changes each pixel a little so that a network steers elsewhere, by several steps along the gradient of its
+    steering.
+
+    epsilon: the size of the change: with `norm=linf` no value changes by more than this, rounded down; with
+        `norm=l2` the root of the mean square of all changes is at most this (grey levels of 255; 0 to 255; by level
+        1, 2, 4, 8, 16).
+    norm: how the size of the change is measured: linf by its largest value, l2 by the root of the mean square over
+        all values (default "linf").
+    steps: how many steps are taken; with `goal=away` as many to either side (1 to 1000; default 10).
+    step: how long a step is, as a share of `epsilon` (0.001 to 2; default 0.25).
+    from: where the steps start: at a change that is drawn for each frame, or at the frame as it is (default
+        "random").
+    goal: where the network is to steer: away from what it gives for the frame as it is, on whichever side that is
+        further; left; right; or to `target` (default "away").
+    target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
+        to 1; default 0.0).
+    model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
+        be the driver.
+    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
+        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
+        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
+        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
+        says, or none (default "auto").
+    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
+        it first ([width, height]); left out: as the file beside the model says, or as they come.
+    crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
+        25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
+    image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the
+        file beside the model says, or as the file declares.
+    resize: the filter: bilinear, area and bicubic are OpenCV's, nearest, pil_bilinear and pil_bicubic are PIL's and
+        torchvision's, and linear is pdk's own; auto: as the file beside the model says, or bilinear (default
+        "auto").
+    color: what the channels are, by OpenCV's 8-bit conversions: yuv is COLOR_RGB2YUV, hsv is COLOR_RGB2HSV with hue
+        from 0 to 179; auto: as the file beside the model says, or rgb, or grey for one channel (default "auto").
+    scale: the range to which bytes are brought, or the factor on them ("0..255", "0..1", "-1..1", another range, or
+        a factor); left out: as the file beside the model says, or 0..255.
+    mean: what is subtracted after the scale (a number, or one for each channel); left out: as the file beside the
+        model says, or 0.
+    std: what is divided by after that (a number, or one for each channel); left out: as the file beside the model
+        says, or 1.
+    layout: the order of the image's axes: batch n, time t, channels c, height h, width w; frames of a stack are
+        joined along t, or along c if there is no t; auto: as the file beside the model says, or by the shape
+        (default "auto").
+    dtype: the type of the image's numbers; bytes are rounded to the nearest; auto: as the file beside the model
+        says, or as the file declares (default "auto").
+    frames: how many frames the image stacks (a whole number); left out: as the file beside the model says, or 1, or
+        the length of axis t.
+    spacing: the distance between stacked frames, in frames (a whole number); left out: as the file beside the model
+        says, or 1.
+    order: the order of stacked frames; auto: as the file beside the model says, or oldest_first (default "auto").
+    start: what stands for frames before the first of a sequence: the first, or zeros; auto: as the file beside the
+        model says, or repeat (default "auto").
+    differences: whether the stack holds the differences of neighbouring frames: only them (one fewer than frames),
+        or the newest frame followed by them; auto: as the file beside the model says, or none (default "auto").
+    inputs: what each input gets: the image; the speed, as { value = "speed", unit = "km/h", scale = 1, offset = 0,
+        assumed = 8 }, where assumed is in m/s and stands for a speed that is not known; the controls before, as {
+        value = "controls" }; or constants ({ NAME = "image", "speed", "controls", a number, a list or a table });
+        left out: as the file beside the model says, or by name and shape.
+    state: inputs that get what an output was at the frame before, and zeros at the first ({ INPUT = "OUTPUT" });
+        left out: as the file beside the model says, or NAME_in and NAME_out.
+    steering: the output that steers, or { output = "NAME", index = 0, bins = { from = -1, to = 1, count = 15 },
+        decode = "argmax", scale = 1, offset = 0, clip = [-1, 1] }; bins may be a list of values; decode may also be
+        mean, or softmax_mean for logits ("OUTPUT" or a table); left out: as the file beside the model says, or the
+        first output.
+    throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
+        number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
+        (m/s; 0 to 100; default 8.0).
+    Source: Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018.
+    Not part of the default set.
+    """
+
 def phase_scrambling(
     level: Level = 2.0,
     *,
@@ -2357,6 +2631,114 @@ def splatter_mapping(
     Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: discs at random places.
     """
 
+def square_attack(
+    level: Level = 2.0,
+    *,
+    epsilon: ByLevel | None = None,
+    queries: int | None = None,
+    share: float | None = None,
+    goal: Literal["away", "left", "right", "target"] | None = None,
+    target: float | None = None,
+    model: str | PathLike[str] | None = None,
+    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
+    frame: Any | None = None,
+    crop: Any | None = None,
+    image_size: Any | None = None,
+    resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
+    color: Literal["auto", "rgb", "bgr", "grey", "yuv", "hsv"] | None = None,
+    scale: Any | None = None,
+    mean: Any | None = None,
+    std: Any | None = None,
+    layout: Literal["auto", "nchw", "nhwc", "ntchw", "nthwc", "ncthw"] | None = None,
+    dtype: Literal["auto", "float32", "float16", "uint8", "int8"] | None = None,
+    frames: Any | None = None,
+    spacing: Any | None = None,
+    order: Literal["auto", "oldest_first", "newest_first"] | None = None,
+    start: Literal["auto", "repeat", "zeros"] | None = None,
+    differences: Literal["auto", "none", "only", "both"] | None = None,
+    inputs: Any | None = None,
+    state: Any | None = None,
+    steering: Any | None = None,
+    throttle: Any | None = None,
+    speed: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Changes the colours of squares a little so that a network steers elsewhere, by random search that needs no
+    gradient.
+
+    epsilon: no value changes by more than this, rounded down (grey levels of 255; 0 to 255; by level 1, 2, 4, 8,
+        16).
+    queries: how often the network is asked for a frame (1 to 100000; default 100).
+    share: the share of the frame that the first squares cover; they shrink as queries are used up (0.0001 to 1;
+        default 0.1).
+    goal: where the network is to steer: away from what it gives for the frame as it is, on whichever side that is
+        further; left; right; or to `target` (default "away").
+    target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
+        to 1; default 0.0).
+    model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
+        be the driver.
+    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
+        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
+        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
+        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
+        says, or none (default "auto").
+    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
+        it first ([width, height]); left out: as the file beside the model says, or as they come.
+    crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
+        25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
+    image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the
+        file beside the model says, or as the file declares.
+    resize: the filter: bilinear, area and bicubic are OpenCV's, nearest, pil_bilinear and pil_bicubic are PIL's and
+        torchvision's, and linear is pdk's own; auto: as the file beside the model says, or bilinear (default
+        "auto").
+    color: what the channels are, by OpenCV's 8-bit conversions: yuv is COLOR_RGB2YUV, hsv is COLOR_RGB2HSV with hue
+        from 0 to 179; auto: as the file beside the model says, or rgb, or grey for one channel (default "auto").
+    scale: the range to which bytes are brought, or the factor on them ("0..255", "0..1", "-1..1", another range, or
+        a factor); left out: as the file beside the model says, or 0..255.
+    mean: what is subtracted after the scale (a number, or one for each channel); left out: as the file beside the
+        model says, or 0.
+    std: what is divided by after that (a number, or one for each channel); left out: as the file beside the model
+        says, or 1.
+    layout: the order of the image's axes: batch n, time t, channels c, height h, width w; frames of a stack are
+        joined along t, or along c if there is no t; auto: as the file beside the model says, or by the shape
+        (default "auto").
+    dtype: the type of the image's numbers; bytes are rounded to the nearest; auto: as the file beside the model
+        says, or as the file declares (default "auto").
+    frames: how many frames the image stacks (a whole number); left out: as the file beside the model says, or 1, or
+        the length of axis t.
+    spacing: the distance between stacked frames, in frames (a whole number); left out: as the file beside the model
+        says, or 1.
+    order: the order of stacked frames; auto: as the file beside the model says, or oldest_first (default "auto").
+    start: what stands for frames before the first of a sequence: the first, or zeros; auto: as the file beside the
+        model says, or repeat (default "auto").
+    differences: whether the stack holds the differences of neighbouring frames: only them (one fewer than frames),
+        or the newest frame followed by them; auto: as the file beside the model says, or none (default "auto").
+    inputs: what each input gets: the image; the speed, as { value = "speed", unit = "km/h", scale = 1, offset = 0,
+        assumed = 8 }, where assumed is in m/s and stands for a speed that is not known; the controls before, as {
+        value = "controls" }; or constants ({ NAME = "image", "speed", "controls", a number, a list or a table });
+        left out: as the file beside the model says, or by name and shape.
+    state: inputs that get what an output was at the frame before, and zeros at the first ({ INPUT = "OUTPUT" });
+        left out: as the file beside the model says, or NAME_in and NAME_out.
+    steering: the output that steers, or { output = "NAME", index = 0, bins = { from = -1, to = 1, count = 15 },
+        decode = "argmax", scale = 1, offset = 0, clip = [-1, 1] }; bins may be a list of values; decode may also be
+        mean, or softmax_mean for logits ("OUTPUT" or a table); left out: as the file beside the model says, or the
+        first output.
+    throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
+        number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
+        (m/s; 0 to 100; default 8.0).
+    Source: Andriushchenko et al., Square Attack: a query-efficient black-box adversarial attack via random search,
+        2020.
+    Not part of the default set.
+    """
+
 def static_lightning_filter(
     level: Level = 2.0,
     *,
@@ -2585,6 +2967,29 @@ def translate_image(
     variant: published: shift in pixels, a tenth of a pixel in the other direction at level 0; corrected: shares of
         the frame's size (default "published").
     Source: Shift with linear interpolation at 1/32 px.
+    """
+
+def universal(
+    level: Level = 2.0,
+    *,
+    picture: str | PathLike[str] | None = None,
+    epsilon: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds the same small change to every frame, such as one that was trained so that a network steers elsewhere at
+    all of them.
+
+    picture: the change as a picture, as `pdk attack universal` writes one, in which 128 stands for none; or
+        `dave2_universal`, which is part of pdk.
+    epsilon: no value changes by more than this, rounded down (grey levels of 255; 0 to 255; by level 1, 2, 4, 8,
+        16).
+    Source: Moosavi-Dezfooli et al., Universal Adversarial Perturbations, 2017.
+    Not part of the default set.
     """
 
 def water_film(

@@ -192,7 +192,14 @@ mod tests {
                     ball.write(&change, before.as_ref(), after.as_mut());
                     let far = apart(&before, &after)[place];
                     assert!(far <= epsilon + 1e-12, "{norm:?} {epsilon}: {far}");
-                    assert!(far > 0.6 * epsilon - 1.0 || epsilon > 100.0, "{norm:?} {epsilon}: {far}");
+                    // Rounding takes little away.
+                    let wanted = match norm {
+                        Norm::Largest => {
+                            change.iter().fold(0.0, |most, value| f64::max(most, value.abs().into()))
+                        }
+                        Norm::MeanSquare => length(&change) / 600f64.sqrt(),
+                    };
+                    assert!(far > 0.9 * wanted - 1.0, "{norm:?} {epsilon}: {far} of {wanted}");
                 }
             }
         }

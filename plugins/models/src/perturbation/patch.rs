@@ -20,9 +20,11 @@ pub struct Patch {
     picture: FrameBuf,
     values: Vec<f32>,
     place: Place,
-    /// The decals of the latest frame, and what they were made for.
-    laid: Option<([usize; 2], Vec<[f64; 2]>, Vec<Decal>)>,
+    laid: Option<Laid>,
 }
+
+/// The decals of the latest frame, and what they were made for: the size of the frame and their places.
+type Laid = ([usize; 2], Vec<[f64; 2]>, Vec<Decal>);
 
 /// Where the picture is.
 enum Place {
