@@ -44,7 +44,7 @@ fn error(shape: &[usize], fields: &Value, [width, height]: [usize; 2], color: [u
     let largest = gradient.iter().fold(0.0f64, |most, value| most.max(f64::from(value.abs())));
     assert!(largest > 0.0, "{fields}");
     let mut worst = 0.0f64;
-    for at in 0..gradient.len() {
+    for (at, &slope) in gradient.iter().enumerate() {
         let mut moved = |by: i16| {
             let mut moved = frame.clone();
             let mut view = moved.as_mut();
@@ -54,7 +54,7 @@ fn error(shape: &[usize], fields: &Value, [width, height]: [usize; 2], color: [u
         };
         let difference =
             (moved(i16::from(reach)) - moved(-i16::from(reach))) / f64::from(2 * u16::from(reach));
-        worst = worst.max((difference - f64::from(gradient[at])).abs() / largest);
+        worst = worst.max((difference - f64::from(slope)).abs() / largest);
     }
     worst
 }

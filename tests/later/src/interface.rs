@@ -29,6 +29,15 @@ pub struct DriverFunctions {
     ) -> Status,
     #[sabi(last_prefix_field)]
     pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
+    pub gradient: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: *const Frame,
+        context: *const DriveContext,
+        into: *mut f32,
+        length: usize,
+        steering: *mut f64,
+        error: *const Sink,
+    ) -> Status,
     pub explain: unsafe extern "C" fn(),
 }
 

@@ -85,7 +85,7 @@ unsafe extern "C" fn driver(
     error: *const Sink,
 ) -> Status {
     const FUNCTIONS: &WithMetadata<DriverFunctions> =
-        &WithMetadata::new(DriverFunctions { drop: end, reset, drive, info, explain: unknown });
+        &WithMetadata::new(DriverFunctions { drop: end, reset, drive, info, gradient, explain: unknown });
     // SAFETY: the host lends the parameters for this call.
     let parameters = String::from_utf8_lossy(unsafe { parameters.bytes() });
     if index != 1 || !parameters.contains(r#""tint":"red""#) {
@@ -105,6 +105,18 @@ unsafe extern "C" fn driver(
 unsafe extern "C" fn end(object: *mut c_void) {
     // SAFETY: the host has it from `create`, and does not use it after this.
     drop(unsafe { Box::from_raw(object.cast::<u64>()) });
+}
+
+unsafe extern "C" fn gradient(
+    _object: *mut c_void,
+    _frame: *const Frame,
+    _context: *const pdk_abi::DriveContext,
+    _into: *mut f32,
+    _length: usize,
+    _steering: *mut f64,
+    _error: *const Sink,
+) -> Status {
+    Status { code: 99 }
 }
 
 unsafe extern "C" fn reset(object: *mut c_void, _error: *const Sink) -> Status {
