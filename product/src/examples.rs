@@ -78,7 +78,7 @@ pub const EXAMPLES: &[Examples] = &[
         &[
             (
                 "pdk attack patch docs/examples/recording --driver dave2 -o patch.png",
-                "a picture for the road that makes a network steer to the left",
+                "a picture for the road that makes a network steer to the left; `--with adversarial_patch,picture=patch.png` shows it",
             ),
             (
                 "pdk attack universal docs/examples/recording --driver dave2 --goal right -o change.png",

@@ -114,7 +114,7 @@ functions! {
     /// A file of a recording that is written again.
     Rewrite: "rewrite";
     /// How a driver's steering changes with a frame.
-    Gradient: "gradient";
+    Gradient: "steering_gradient";
 }
 
 /// Both processes see this.

@@ -115,7 +115,7 @@ fn several_steps_get_as_far_as_one_on_a_sum_and_stay_within_the_ball() {
     assert!(size <= 8.0 && size > 7.5, "{size}");
     // The ball of this norm encloses the other one.
     assert!(steering(&round) < steering(&one), "{} {}", steering(&round), steering(&one));
-    // Less than one grey level is no change.
+    // A change of less than one grey level changes nothing.
     assert_eq!(attacked::<Pgd>(&file, json!({"epsilon": 0.9}), 3.0, &before), before);
 }
 

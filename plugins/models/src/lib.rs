@@ -55,18 +55,17 @@ mod driver {
 
 mod perturbation {
     //! The perturbations: [`repaint`] runs a network in a file that paints, others those that are part of this plugin ([`painter`]). [`fgsm`], [`pgd`] and
-    //! [`square_attack`] change frames so that a network steers elsewhere; [`universal`] and [`patch`] show pictures that were trained to do that.
+    //! [`square_attack`] change frames so that a network steers elsewhere; [`universal_perturbation`] and [`adversarial_patch`] show pictures that were trained to do that.
 
     pub mod artistic;
     pub mod fgsm;
     pub mod night;
     pub mod painter;
-    pub mod patch;
     pub mod pgd;
     pub mod rainy;
     pub mod repaint;
     pub mod square_attack;
-    pub mod universal;
+    pub mod universal_perturbation;
 }
 
 mod mask {
@@ -139,8 +138,8 @@ pdk_sdk::export! {
         perturbation::fgsm::Fgsm,
         perturbation::pgd::Pgd,
         perturbation::square_attack::SquareAttack,
-        perturbation::universal::Universal,
-        perturbation::patch::Patch,
+        perturbation::universal_perturbation::UniversalPerturbation,
+        perturbation::adversarial_patch::AdversarialPatch,
     ],
     masks: [mask::segmentation::Segmentation],
     predictors: [predictor::network::Network],

@@ -142,14 +142,15 @@ mod tests {
     fn a_picture_on_the_ground_covers_what_it_covers_there() {
         let view = MOUNTING.view([320, 160]);
         for (turn, offset) in [(0.0, 0.0), (0.5, -1.0)] {
+            let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
             let lying = Lying { sides: [2.0, 3.0], offset, ahead: 8.0, turn };
             let decal = lying.decal(&view, [2, 2]);
             let inside = (0..160 * 320).filter(|at| {
                 let point = view.ground([(at % 320) as f64 + 0.5, (at / 320) as f64 + 0.5]);
                 point.is_some_and(|[right, ahead]| {
                     let (right, ahead) = (right - offset, ahead - 8.0);
-                    let across = right * turn.cos() - ahead * turn.sin();
-                    let up = right * turn.sin() + ahead * turn.cos();
+                    let across = right * cosine - ahead * sine;
+                    let up = right * sine + ahead * cosine;
                     across.abs() < 1.0 && up.abs() < 1.5
                 })
             });

@@ -331,7 +331,7 @@ fn a_task_that_was_killed_has_the_numbers_of_its_lines() {
     let run = || Pdk::new(["run", "--workers", "1", "--out"]).arg(&record).arg(&script).env(variable, value);
     let mut child = run().spawn();
     let results = record.join("results.jsonl");
-    wait_for_lines(&mut child, &results, 1);
+    wait_for_lines(&mut child, &results, 1_500);
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());

@@ -70,7 +70,8 @@ fn no_plugin_computes_with_the_mathematical_library_of_the_system() {
         }
         if name == "libpdk_datasets.so" {
             // The crate parquet compares the precision of decimals of a schema with a logarithm that it rounds down; no value depends on it.
-            functions.retain(|function| function != "log10");
+            // OpenH264's encoder turns a wanted bit rate into a quantiser by `logf`; here the quantiser is fixed, so none follows from it.
+            functions.retain(|function| !["log10", "logf"].contains(&function.as_str()));
         }
         assert_eq!(functions, [""; 0], "{name} takes them from the system; the crate libm has them too");
         seen.push(name);

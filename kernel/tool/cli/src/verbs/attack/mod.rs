@@ -24,7 +24,7 @@ use super::{Global, print_json};
 use training::{Measured, Training};
 use worn::{Road, Worn};
 
-/// One frame in so many is held back to measure on.
+/// One of this many frames is held back to measure on.
 const HELD_BACK: usize = 4;
 
 /// Arguments of `pdk attack`
@@ -73,8 +73,8 @@ pub struct Arguments {
     seed: u64,
 }
 
-const AFTER: &str = "The perturbations `patch` and `universal` take the picture: `--with patch,picture=FILE.png`. One frame in four is held back, and the table \
-is measured on these frames.";
+const AFTER: &str = "The perturbations of the family attack take the picture as their parameter `picture`. One frame in four is held back, and the table is measured on \
+these frames.";
 
 /// Trains a picture, writes it, and shows what it does on frames that it was not trained on.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {

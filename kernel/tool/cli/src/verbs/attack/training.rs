@@ -116,7 +116,7 @@ impl Training {
         Ok(perturbed)
     }
 
-    /// What the driver is told at a frame.
+    /// What the driver gets besides a frame.
     fn context(&self, shown: &Shown) -> DriveContext {
         DriveContext { speed: shown.speed.unwrap_or(self.speed), ..DriveContext::default() }
     }

@@ -47,7 +47,7 @@ const TURN: f64 = 0.05;
 
 /// What is trained.
 pub enum Worn {
-    /// A patch of so many pixels across and down.
+    /// A patch with this many pixels across and down.
     Patch { road: Road, pixels: usize },
     /// A change of frames of this size by at most `epsilon`.
     Universal { epsilon: f32, size: [usize; 2] },

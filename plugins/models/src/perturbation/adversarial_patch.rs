@@ -16,7 +16,7 @@ const NEAREST: f64 = 0.5;
 const FURTHEST: f64 = 60.0;
 
 /// Lays a picture over the frame.
-pub struct Patch {
+pub struct AdversarialPatch {
     picture: FrameBuf,
     values: Vec<f32>,
     place: Place,
@@ -32,10 +32,10 @@ enum Place {
     Frame { middle: [f64; 2] },
 }
 
-impl Component for Patch {
+impl Component for AdversarialPatch {
     fn description() -> Description {
         Description::perturbation(
-            "patch",
+            "adversarial_patch",
             "Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network steers elsewhere",
         )
         .family("attack")
@@ -142,7 +142,7 @@ impl Component for Patch {
     }
 }
 
-impl Perturbation for Patch {
+impl Perturbation for AdversarialPatch {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let size = [src.width(), src.height()];
         let middles = self.middles(cx);
@@ -160,7 +160,7 @@ impl Perturbation for Patch {
     }
 }
 
-impl Patch {
+impl AdversarialPatch {
     /// The width of the picture and how far ahead its middle is, for each that is seen, the furthest first.
     fn middles(&self, cx: &Context<'_>) -> Vec<[f64; 2]> {
         let Place::Road { distance, spacing, .. } = self.place else {
@@ -224,7 +224,7 @@ mod tests {
     fn laid(mut given: Value, level: f64, travelled: Option<f64>) -> FrameBuf {
         let file = picture();
         given["picture"] = file.path().to_str().unwrap().into();
-        let mut trial = Trial::<Patch>::new(&given, level, Key([1; 32])).unwrap();
+        let mut trial = Trial::<AdversarialPatch>::new(&given, level, Key([1; 32])).unwrap();
         let grey = FrameBuf::from_vec(vec![90; 320 * 160 * 3], 320, 160).unwrap();
         let mut target = FrameBuf::new(320, 160);
         let (instance, mut cx) = trial.at(10, 0.5);
@@ -297,6 +297,6 @@ mod tests {
 
     #[test]
     fn rules() {
-        pdk_sdk::testing::perturbation::<Patch>();
+        pdk_sdk::testing::perturbation::<AdversarialPatch>();
     }
 }

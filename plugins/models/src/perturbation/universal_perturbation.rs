@@ -11,16 +11,16 @@ const NONE: f64 = 128.0;
 const MOST: f64 = 127.0;
 
 /// Adds a picture.
-pub struct Universal {
+pub struct UniversalPerturbation {
     picture: FrameBuf,
     /// The picture in the size of the frame.
     resized: FrameBuf,
 }
 
-impl Component for Universal {
+impl Component for UniversalPerturbation {
     fn description() -> Description {
         let description = Description::perturbation(
-            "universal",
+            "universal_perturbation",
             "Adds the same small change to every frame, such as one that was trained so that a network steers elsewhere at all of them",
         )
         .family("attack")
@@ -28,7 +28,7 @@ impl Component for Universal {
         .keeps_geometry()
         .example(json!({"picture": "dave2_universal"}))
         .mathematics("v + epsilon (p - 128) / 127, p the picture in the size of the frame")
-        .source("Moosavi-Dezfooli et al., Universal Adversarial Perturbations, 2017")
+        .source("Moosavi-Dezfooli et al., UniversalPerturbation Adversarial Perturbations, 2017")
         .parameter(artwork::parameter(
             "the change as a picture, as `pdk attack universal` writes one, in which 128 stands for none; or `dave2_universal`, which is part of \
              pdk",
@@ -41,7 +41,7 @@ impl Component for Universal {
     }
 }
 
-impl Perturbation for Universal {
+impl Perturbation for UniversalPerturbation {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (width, height) = (src.width(), src.height());
         if (self.resized.width(), self.resized.height()) != (width, height) {
@@ -77,7 +77,10 @@ mod tests {
         let frame = FrameBuf::from_vec(vec![100, 100, 100, 250, 2, 1, 7, 8, 9, 0, 0, 0], 4, 1).unwrap();
         let given = json!({"picture": file.path().to_str().unwrap()});
         let found = |level| {
-            Trial::<Universal>::new(&given, level, Key([1; 32])).unwrap().frame(&frame, 0, 0.0).unwrap()
+            Trial::<UniversalPerturbation>::new(&given, level, Key([1; 32]))
+                .unwrap()
+                .frame(&frame, 0, 0.0)
+                .unwrap()
         };
         assert_eq!(found(4.0).data(), [116, 100, 84, 255, 2, 0, 23, 8, 0, 16, 0, 0]);
         // An epsilon of 1.5 changes nothing by more than 1.
@@ -86,6 +89,6 @@ mod tests {
 
     #[test]
     fn rules() {
-        pdk_sdk::testing::perturbation::<Universal>();
+        pdk_sdk::testing::perturbation::<UniversalPerturbation>();
     }
 }
