@@ -57,6 +57,7 @@ mod perturbation {
     //! The perturbations: [`repaint`] runs a network in a file that paints, others those that are part of this plugin ([`painter`]). [`fgsm`], [`pgd`] and
     //! [`square_attack`] change frames so that a network steers elsewhere; [`universal_perturbation`] and [`adversarial_patch`] show pictures that were trained to do that.
 
+    pub mod adversarial_patch;
     pub mod artistic;
     pub mod fgsm;
     pub mod night;

@@ -140,7 +140,12 @@ fn a_script_that_changes_no_frames_is_checked_by_its_own_rules() {
         "local last = 0
         return { doc = 'x', actuate = function(control) control.steering, last = last, control.steering end }",
     );
-    assert!(remembers.stdout.contains("than it does after other frames"), "{}{}", remembers.stdout, remembers.stderr);
+    assert!(
+        remembers.stdout.contains("than it does after other frames"),
+        "{}{}",
+        remembers.stdout,
+        remembers.stderr
+    );
     for (body, expected) in [
         (
             "actuate = function(control) control.steer = 1 end",
