@@ -14,6 +14,62 @@ ByLevel: TypeAlias = float | Sequence[float]
 
 MODIFIERS: tuple[str, ...]
 
+def adversarial_patch(
+    level: Level = 2.0,
+    *,
+    picture: str | PathLike[str] | None = None,
+    show: Literal["picture", "mean"] | None = None,
+    on: Literal["road", "frame"] | None = None,
+    size: ByLevel | None = None,
+    stretch: float | None = None,
+    distance: float | None = None,
+    spacing: float | None = None,
+    offset: float | None = None,
+    turn: float | None = None,
+    speed: float | None = None,
+    share: ByLevel | None = None,
+    across: float | None = None,
+    down: float | None = None,
+    field_of_view: float | None = None,
+    camera_height: float | None = None,
+    camera_pitch: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    during: Mapping[str, Any] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network
+    steers elsewhere.
+
+    picture: the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk.
+    show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
+    on: where it lies: flat on the road, or over a box of the frame (default "road").
+    size: its width on the road; only with `on=road` (m; 0.01 to 20; by level 0.5, 1, 1.5, 2, 3).
+    stretch: how much longer it is along the road than its shape says, as markings are that are read at a flat
+        angle; only with `on=road` (0.1 to 20; default 1.0).
+    distance: how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start;
+        only with `on=road` (m; 0.5 to 60; default 10.0).
+    spacing: how far apart pictures lie on the way of the vehicle, which drives over them; with 0, one stays ahead
+        of it; only with `on=road` (m; 0 to 1000; default 0.0).
+    offset: how far to the right of the camera its middle lies; only with `on=road` (m; -10 to 10; default 0.0).
+    turn: by how much it is turned to the right on the road; only with `on=road` (degrees; -180 to 180; default
+        0.0).
+    speed: how fast the vehicle drives where its way is not known, as in recordings; only with `on=road` (m/s; 0 to
+        100; default 8.0).
+    share: its width as a share of the frame's; only with `on=frame` (0.001 to 1; by level 0.05, 0.1, 0.15, 0.2,
+        0.3).
+    across: where its middle lies from the left of the frame to the right; only with `on=frame` (0 to 1; default
+        0.5).
+    down: where its middle lies from the top of the frame to the bottom; only with `on=frame` (0 to 1; default 0.7).
+    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
+    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
+    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
+    Source: Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021.
+    Not part of the default set.
+    """
+
 def artistic(
     level: Level = 2.0,
     *,
@@ -1851,62 +1907,6 @@ def partial_frames(
     Not part of the default set.
     """
 
-def patch(
-    level: Level = 2.0,
-    *,
-    picture: str | PathLike[str] | None = None,
-    show: Literal["picture", "mean"] | None = None,
-    on: Literal["road", "frame"] | None = None,
-    size: ByLevel | None = None,
-    stretch: float | None = None,
-    distance: float | None = None,
-    spacing: float | None = None,
-    offset: float | None = None,
-    turn: float | None = None,
-    speed: float | None = None,
-    share: ByLevel | None = None,
-    across: float | None = None,
-    down: float | None = None,
-    field_of_view: float | None = None,
-    camera_height: float | None = None,
-    camera_pitch: float | None = None,
-    probability: float | None = None,
-    region: Mapping[str, Any] | Sequence[float] | None = None,
-    during: Mapping[str, Any] | None = None,
-    where: Mapping[str, Any] | None = None,
-    attention: str | Mapping[str, Any] | None = None,
-    draws: Literal["per_frame", "per_sequence"] | None = None,
-) -> Applied:
-    """Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network
-    steers elsewhere.
-
-    picture: the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk.
-    show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
-    on: where it lies: flat on the road, or over a box of the frame (default "road").
-    size: its width on the road; only with `on=road` (m; 0.01 to 20; by level 0.5, 1, 1.5, 2, 3).
-    stretch: how much longer it is along the road than its shape says, as markings are that are read at a flat
-        angle; only with `on=road` (0.1 to 20; default 1.0).
-    distance: how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start;
-        only with `on=road` (m; 0.5 to 60; default 10.0).
-    spacing: how far apart pictures lie on the way of the vehicle, which drives over them; with 0, one stays ahead
-        of it; only with `on=road` (m; 0 to 1000; default 0.0).
-    offset: how far to the right of the camera its middle lies; only with `on=road` (m; -10 to 10; default 0.0).
-    turn: by how much it is turned to the right on the road; only with `on=road` (degrees; -180 to 180; default
-        0.0).
-    speed: how fast the vehicle drives where its way is not known, as in recordings; only with `on=road` (m/s; 0 to
-        100; default 8.0).
-    share: its width as a share of the frame's; only with `on=frame` (0.001 to 1; by level 0.05, 0.1, 0.15, 0.2,
-        0.3).
-    across: where its middle lies from the left of the frame to the right; only with `on=frame` (0 to 1; default
-        0.5).
-    down: where its middle lies from the top of the frame to the bottom; only with `on=frame` (0 to 1; default 0.7).
-    field_of_view: angle that the frame's width covers (degrees; 20 to 130; default 75.0).
-    camera_height: height of the camera above the road (m; 0.1 to 10; default 1.35).
-    camera_pitch: angle by which the camera looks down (degrees; -45 to 45; default 8.0).
-    Source: Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021.
-    Not part of the default set.
-    """
-
 def pgd(
     level: Level = 2.0,
     *,
@@ -2969,7 +2969,7 @@ def translate_image(
     Source: Shift with linear interpolation at 1/32 px.
     """
 
-def universal(
+def universal_perturbation(
     level: Level = 2.0,
     *,
     picture: str | PathLike[str] | None = None,
@@ -2988,7 +2988,7 @@ def universal(
         `dave2_universal`, which is part of pdk.
     epsilon: no value changes by more than this, rounded down (grey levels of 255; 0 to 255; by level 1, 2, 4, 8,
         16).
-    Source: Moosavi-Dezfooli et al., Universal Adversarial Perturbations, 2017.
+    Source: Moosavi-Dezfooli et al., UniversalPerturbation Adversarial Perturbations, 2017.
     Not part of the default set.
     """
 
