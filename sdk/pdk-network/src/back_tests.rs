@@ -28,7 +28,7 @@ fn sum(eye: &mut Eye, frame: &FrameBuf, weights: &[f32]) -> f64 {
     numbers.iter().zip(weights).map(|(number, weight)| f64::from(*number) * f64::from(*weight)).sum()
 }
 
-/// Compares the gradient of a weighted sum with differences over `reach` on both sides, pixel by pixel, relative to its largest value. The
+/// How far the gradient of a weighted sum is from differences over `reach` on both sides: the root of the mean square, relative to that of the gradient. The
 /// weights are smooth, so that the rounding of bytes matters little.
 fn error(shape: &[usize], fields: &Value, [width, height]: [usize; 2], color: [u8; 3], reach: u8) -> f64 {
     let mut eye = eye(shape, fields);
@@ -43,7 +43,7 @@ fn error(shape: &[usize], fields: &Value, [width, height]: [usize; 2], color: [u
     assert_eq!(gradient.len(), width * height * 3);
     let largest = gradient.iter().fold(0.0f64, |most, value| most.max(f64::from(value.abs())));
     assert!(largest > 0.0, "{fields}");
-    let mut worst = 0.0f64;
+    let (mut apart, mut whole) = (0.0f64, 0.0f64);
     for (at, &slope) in gradient.iter().enumerate() {
         let mut moved = |by: i16| {
             let mut moved = frame.clone();
@@ -54,9 +54,10 @@ fn error(shape: &[usize], fields: &Value, [width, height]: [usize; 2], color: [u
         };
         let difference =
             (moved(i16::from(reach)) - moved(-i16::from(reach))) / f64::from(2 * u16::from(reach));
-        worst = worst.max((difference - f64::from(slope)).abs() / largest);
+        apart += (difference - f64::from(slope)).powi(2);
+        whole += f64::from(slope).powi(2);
     }
-    worst
+    (apart / whole).sqrt()
 }
 
 const COLOR: [u8; 3] = [90, 130, 110];
@@ -66,9 +67,9 @@ fn every_filter_is_passed_backwards() {
     for filter in crate::resize::NAMES {
         for (shape, size) in [([1, 3, 6, 8], [16, 12]), ([1, 3, 6, 8], [19, 13]), ([1, 3, 9, 12], [8, 6])] {
             let fields = json!({"resize": filter, "scale": "-1..1", "mean": 0.1, "std": [0.5, 1.0, 2.0]});
-            let worst = error(&shape, &fields, size, COLOR, 60);
+            let far = error(&shape, &fields, size, COLOR, 60);
             // Both passes of some filters round to bytes.
-            assert!(worst < 0.1, "{filter} {size:?} to {shape:?}: {worst}");
+            assert!(far < 0.1, "{filter} {size:?} to {shape:?}: {far}");
         }
     }
 }
@@ -79,8 +80,8 @@ fn every_colour_is_passed_backwards() {
         let channels = if color == "grey" { 1 } else { 3 };
         // Hue is rounded to two degrees, and curved.
         let (reach, allowed) = if color == "hsv" { (12, 0.12) } else { (60, 0.03) };
-        let worst = error(&[1, channels, 4, 5], &json!({"color": color}), [5, 4], [70, 170, 110], reach);
-        assert!(worst < allowed, "{color}: {worst}");
+        let far = error(&[1, channels, 4, 5], &json!({"color": color}), [5, 4], [70, 170, 110], reach);
+        assert!(far < allowed, "{color}: {far}");
     }
 }
 
@@ -93,8 +94,8 @@ fn crops_sizes_and_stacks_are_passed_backwards() {
         (vec![1, 3, 4, 5, 3], json!({"layout": "nthwc", "frames": 3, "start": "zeros"})),
         (vec![1, 6, 4, 5], json!({"frames": 2, "differences": "both", "color": "rgb"})),
     ] {
-        let worst = error(&shape, &fields, [10, 8], COLOR, 60);
-        assert!(worst < 0.05, "{fields}: {worst}");
+        let far = error(&shape, &fields, [10, 8], COLOR, 60);
+        assert!(far < 0.05, "{fields}: {far}");
     }
 }
 
