@@ -20,7 +20,6 @@ use pdk_video::Video;
 use crate::inside::Inside;
 use crate::label::{Label, range};
 use crate::listing::names;
-use crate::npy_copy;
 use crate::place::{Named, beyond, not_listed, unsuitable};
 use crate::reel::{self, Reel};
 use crate::video::nearest;
@@ -335,7 +334,7 @@ impl Dataset for Comma2k19 {
         let path = self.folder.path(value)?;
         let content =
             file::read(&path, LARGEST_ARRAY).place(format_args!("cannot read `{}`", path.display()))?;
-        Ok(std::fs::write(&wanted.into, npy_copy::with_other_sign(&content, &mirrored)?)?)
+        Ok(std::fs::write(&wanted.into, npy::with_other_sign(&content, &mirrored)?)?)
     }
 }
 

@@ -13,7 +13,7 @@
 //! | [`Video`] | a video, with a CSV file or without |
 //!
 //! Those of recordings whose frames are not files of their own write them again, with other pictures and all else as it is: files of bags
-//! (`bag_copy`, `sqlite_copy`, `message_copy`), videos (`reel`), and what was recorded beside videos (`table_copy`, `npy_copy`).
+//! (`bag_copy`, `sqlite_copy`, `message_copy`), videos (`reel`), and what was recorded beside videos (`table_copy`).
 //!
 //! All follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
 //! frames, no index) is an error when the reader is made. What is wrong with one frame (a missing or damaged image,
@@ -38,7 +38,6 @@ mod mcap;
 mod message;
 mod message_copy;
 mod mosaic;
-mod npy_copy;
 mod parquet;
 mod pictures;
 mod place;

@@ -12,15 +12,16 @@ use crate::raw::Raw;
 
 impl Picture {
     /// How pictures of this kind are stored in a copy, for people.
-    pub fn stored_as(self) -> &'static str {
+    pub fn stored_as(self) -> String {
         match self {
             Self::Compressed | Self::FoxgloveCompressed(_) => {
                 "each picture in the format that it has; JPEG has the quality of the settings and is lossy"
+                    .to_owned()
             }
             Self::Image | Self::FoxgloveRaw(_) => {
-                "pixels without compression, in the encoding that they have"
+                "pixels without compression, in the encoding that they have".to_owned()
             }
-            Self::FoxgloveVideo(_) => "H.264 with quantiser 20, which is lossy",
+            Self::FoxgloveVideo(_) => pdk_video::Encoder::describe(),
         }
     }
 

@@ -124,7 +124,7 @@ impl Tree {
         Ok(())
     }
 
-    /// Writes what goes on in other pages, and tells the first of them.
+    /// Writes what goes on in other pages, and returns the first of them.
     fn overflow(&mut self, content: &[u8]) -> Result<u32> {
         let first = self.new_page()?;
         let mut page = first;

@@ -17,7 +17,7 @@ impl Drive {
         let frames = |number: usize| self.frames.iter().filter(|frame| frame.place.file == number).count();
         let file = |(number, name): (usize, &PathBuf)| {
             let (name, frames) = (name.to_string_lossy().into_owned(), frames(number));
-            let stored = if frames > 0 { self.kind.stored_as().to_owned() } else { String::new() };
+            let stored = if frames > 0 { self.kind.stored_as() } else { String::new() };
             FormFile { name, frames, stored }
         };
         let mut notes: Vec<String> = Vec::new();

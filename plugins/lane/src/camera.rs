@@ -5,8 +5,8 @@ use pdk_sdk::camera::Mounting;
 /// How far the camera sits ahead of the vehicle's centre, in metres.
 pub const AHEAD_OF_CENTRE: f64 = 0.5;
 
-/// Behind the windscreen of a car.
-pub const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
+/// Where the camera is mounted.
+pub const MOUNTING: Mounting = Mounting::WINDSCREEN;
 
 /// A pinhole camera over flat ground, for one frame size.
 #[derive(Debug, Clone, Copy)]

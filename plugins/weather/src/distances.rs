@@ -5,9 +5,6 @@ use pdk_sdk::ground::View;
 use pdk_sdk::ops::light::Light;
 use pdk_sdk::prelude::*;
 
-/// The camera of the embedded simulator, behind the windscreen of a car.
-const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
-
 /// How far away the sky of a simulator is, in metres, so that nothing is infinite.
 const SKY: f32 = 100_000.0;
 
@@ -41,7 +38,7 @@ pub fn described(description: Description) -> Description {
              the simulator knows them",
         ))
         .depth_with("depth", "simulator")
-        .mounting(MOUNTING, 0.1..=10.0, -45.0..=45.0)
+        .mounting(Mounting::WINDSCREEN, 0.1..=10.0, -45.0..=45.0)
         .parameter(
             Parameter::number("beyond", 150.0, "how far away everything above the horizon is, and the furthest that the ground is")
                 .range(1.0, 100_000.0)

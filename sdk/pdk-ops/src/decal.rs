@@ -108,6 +108,14 @@ pub fn values(picture: Frame<'_>) -> Vec<f32> {
     picture.rows().flatten().map(|value| f32::from(*value)).collect()
 }
 
+/// The same picture in its mean colour.
+pub fn mean(picture: &[f32]) -> Vec<f32> {
+    let mut sums = [0.0f64; CHANNELS];
+    picture.iter().enumerate().for_each(|(at, value)| sums[at % CHANNELS] += f64::from(*value));
+    let count = (picture.len() / CHANNELS) as f64;
+    (0..picture.len()).map(|at| (sums[at % CHANNELS] / count) as f32).collect()
+}
+
 /// The two neighbours of a place along an axis of this length, with their weights; at the ends both are the outermost.
 fn pair(place: f64, length: usize) -> [(usize, f32); 2] {
     let at = (place * length as f64 - 0.5).clamp(0.0, (length - 1) as f64);

@@ -75,6 +75,11 @@ pub struct Mounting {
     pub pitch: f64,
 }
 
+impl Mounting {
+    /// Behind the windscreen of a car, as in the embedded simulator: what is assumed where nothing else is known.
+    pub const WINDSCREEN: Self = Self { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -118,11 +118,9 @@ fn reach(corners: &[Option<[f64; 2]>; 4], axis: usize, length: usize) -> Range<u
 mod tests {
     use super::*;
 
-    const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
-
     #[test]
     fn what_is_seen_at_a_place_is_where_it_is_seen() {
-        let view = MOUNTING.view([320, 160]);
+        let view = Mounting::WINDSCREEN.view([320, 160]);
         for place in [[10.0, 90.0], [160.0, 80.0], [300.5, 159.0]] {
             let point = view.ground(place).unwrap();
             let back = view.seen(point).unwrap();
@@ -140,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_picture_on_the_ground_covers_what_it_covers_there() {
-        let view = MOUNTING.view([320, 160]);
+        let view = Mounting::WINDSCREEN.view([320, 160]);
         for (turn, offset) in [(0.0, 0.0), (0.5, -1.0)] {
             let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
             let lying = Lying { sides: [2.0, 3.0], offset, ahead: 8.0, turn };

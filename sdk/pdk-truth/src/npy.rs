@@ -13,14 +13,26 @@ pub struct Array {
     pub values: Vec<f64>,
 }
 
-/// Reads the content of a file: numbers of up to eight bytes, in either order of bytes and of axes.
-///
-/// # Errors
-/// If it is not such a file, or contains something other than numbers.
-pub fn read(bytes: &[u8]) -> Result<Array> {
-    let wrong = |why: &str| Error::new(format!("it is not an array of numbers in numpy's format: {why}"));
+/// What the header of a file says.
+struct Header<'a> {
+    /// The type of the numbers, such as `<f8`.
+    kind: &'a str,
+    columns_first: bool,
+    shape: Vec<usize>,
+    /// Where the numbers begin.
+    numbers: usize,
+}
+
+fn wrong(why: &str) -> Error {
+    Error::new(format!("it is not an array of numbers in numpy's format: {why}"))
+}
+
+fn cut() -> Error {
+    wrong("it is cut off")
+}
+
+fn header(bytes: &[u8]) -> Result<Header<'_>> {
     let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| wrong("it begins with something else"))?;
-    let cut = || wrong("it is cut off");
     let (length, rest) = match rest {
         [1, _, a, b, rest @ ..] => (usize::from(u16::from_le_bytes([*a, *b])), rest),
         [2 | 3, _, a, b, c, d, rest @ ..] => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, rest),
@@ -40,7 +52,15 @@ pub fn read(bytes: &[u8]) -> Result<Array> {
     let sides = shape.split(',').map(str::trim).filter(|side| !side.is_empty());
     let shape: Option<Vec<usize>> = sides.map(|side| side.parse().ok()).collect();
     let shape = shape.ok_or_else(|| wrong("its shape is not a list of whole numbers"))?;
+    Ok(Header { kind, columns_first, shape, numbers: bytes.len() - rest.len() + length })
+}
 
+/// Reads the content of a file: numbers of up to eight bytes, in either order of bytes and of axes.
+///
+/// # Errors
+/// If it is not such a file, or contains something other than numbers.
+pub fn read(bytes: &[u8]) -> Result<Array> {
+    let Header { kind, columns_first, shape, numbers } = header(bytes)?;
     let (number, size) = number(kind).ok_or_else(|| {
         wrong(&format!(
             "its type is `{kind}`, but has to be a real number; convert it with astype(numpy.float32)"
@@ -48,12 +68,39 @@ pub fn read(bytes: &[u8]) -> Result<Array> {
     })?;
     let count = shape.iter().try_fold(1_usize, |count, side| count.checked_mul(*side)).ok_or_else(cut)?;
     let wanted = count.checked_mul(size).ok_or_else(cut)?;
-    let content = rest.get(length..).and_then(|content| content.get(..wanted)).ok_or_else(cut)?;
+    let content = bytes.get(numbers..).and_then(|content| content.get(..wanted)).ok_or_else(cut)?;
     let values: Vec<f64> = content.chunks_exact(size).map(number).collect();
     Ok(match columns_first {
         true => Array { values: row_by_row(&values, &shape), shape },
         false => Array { shape, values },
     })
+}
+
+/// The content of a file with floating-point numbers in one row, in which those that `turned` names have the other sign.
+///
+/// # Errors
+/// If it is not such a file.
+pub fn with_other_sign(bytes: &[u8], turned: &dyn Fn(usize) -> bool) -> Result<Vec<u8>> {
+    let Header { kind, numbers, .. } = header(bytes)?;
+    // The sign is in the first byte, or in the last one.
+    let (size, sign) = match kind {
+        "<f8" => (8, 7),
+        ">f8" => (8, 0),
+        "<f4" => (4, 3),
+        ">f4" => (4, 0),
+        _ => {
+            return Err(Error::new(
+                "it is not an array of floating-point numbers, whose signs could be changed; convert it with astype(numpy.float64)",
+            ));
+        }
+    };
+    let mut written = bytes.to_vec();
+    for (number, value) in written[numbers..].chunks_exact_mut(size).enumerate() {
+        if turned(number) {
+            value[sign] ^= 0x80;
+        }
+    }
+    Ok(written)
 }
 
 /// How a number of a type is read, and how many bytes it has.
@@ -172,6 +219,21 @@ mod tests {
         ] {
             let error = read(&bytes).unwrap_err();
             assert!(error.message().contains(part), "{error}");
+        }
+    }
+
+    #[test]
+    fn numbers_have_the_other_sign_in_either_order_of_bytes() {
+        for (kind, bytes) in [("<f8", 0.5_f64.to_le_bytes()), (">f8", 0.5_f64.to_be_bytes())] {
+            let head = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': (3,), }}\n");
+            let content = file(&head, &bytes.repeat(3));
+            let written = with_other_sign(&content, &|number| number != 1).unwrap();
+            assert_eq!(read(&written).unwrap().values, [-0.5, 0.5, -0.5]);
+            let whole = file(&head.replace("f8", "i8"), &bytes.repeat(3));
+            assert!(
+                with_other_sign(&whole, &|_| true).is_err()
+                    && with_other_sign(&content[..9], &|_| true).is_err()
+            );
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::convert::Yuv420;
 use crate::reader::START_CODE;
 
 /// The quantiser of every frame, of 0 (best) to 51: noise and fine structure are what a perturbation is looked at for.
-pub const QUANTISER: u8 = 20;
+const QUANTISER: u8 = 20;
 /// The smallest side in pixels that the encoder takes, and the longest of the longer and of the shorter side.
 const SHORTEST: usize = 16;
 const LONGEST: (usize, usize) = (3840, 2160);
@@ -38,6 +38,11 @@ pub struct Units {
 }
 
 impl Encoder {
+    /// The codec and the quality, for people and manifests.
+    pub fn describe() -> String {
+        format!("H.264 with quantiser {QUANTISER}, which is lossy")
+    }
+
     /// An encoder whose frames can be decoded alone every `keys` frames; with 0 only the first and those that are asked for.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
-use crate::encoder::{QUANTISER, check_size};
+use crate::encoder::check_size;
 use crate::ffmpeg::{PROGRAM, Told, each_once, look, not_started};
 use crate::matroska::{frame_head, stream_head};
 use crate::process::{Input, Process};
@@ -147,7 +147,7 @@ impl Recoding {
     /// The codec and the quality, for people and manifests.
     pub fn describe(&self) -> String {
         match &self.0 {
-            Way::Own(_) => format!("H.264 with quantiser {QUANTISER}, which is lossy"),
+            Way::Own(_) => crate::Encoder::describe(),
             Way::Other { told, encoder, version, .. } => {
                 let quality = encoder.quality.join(" ");
                 format!(

@@ -2988,7 +2988,7 @@ def universal_perturbation(
         `dave2_universal`, which is part of pdk.
     epsilon: no value changes by more than this, rounded down (grey levels of 255; 0 to 255; by level 1, 2, 4, 8,
         16).
-    Source: Moosavi-Dezfooli et al., UniversalPerturbation Adversarial Perturbations, 2017.
+    Source: Moosavi-Dezfooli et al., Universal Adversarial Perturbations, 2017.
     Not part of the default set.
     """
 

@@ -541,8 +541,6 @@ fn the_built_in_plugins_keep_the_rules() {
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");
                 check = check.set("network.model", "pilot.onnx").set("network.engine", "tract");
-                check = check.set("pgd.model", "pilot.onnx").set("pgd.steps", 2);
-                check = check.set("square_attack.model", "pilot.onnx").set("square_attack.queries", 4);
                 let pictures = repository().join("docs/examples/recording/frames");
                 check = check.set("expected-gradients.pictures", pictures.display());
                 for component in ["repaint", "segmentation"] {

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod attack;
 mod corrupt;
 mod damaged_streams;
 mod geometry;

@@ -38,7 +38,7 @@ const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugi
 const LONG: [&str; 12] = [
     "pdk run scripts/",
     "pdk run manual",
-    "pdk run greedy --set perturbations=fog_filter --set driver=onnx",
+    "pdk run greedy --set perturbations=fog_filter --set roads=4 --set driver=onnx",
     "pdk gate dave2 dave2_augmented",
     "pdk replay",
     "pdk report",

@@ -2,7 +2,6 @@
 
 use pdk_network::field;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::json;
 
 use crate::backward::Backward;
 use crate::engine;
@@ -12,7 +11,6 @@ use crate::saliency::viewer::Viewer;
 /// Adds the parameters that say which network is attacked.
 pub fn parameters(description: Description) -> Description {
     let description = description
-        .example(json!({"model": "dave2"}))
         .parameter(
             Parameter::path(
                 "model",
@@ -70,7 +68,7 @@ impl Attacked {
         Ok(Self { viewer, backward })
     }
 
-    /// Tells the network this speed from now on, or the assumed one if it is not known.
+    /// From now on, the network gets this speed, or the assumed one if it is not known.
     pub fn move_at(&mut self, speed: Option<f64>) {
         self.viewer.move_at(speed);
     }

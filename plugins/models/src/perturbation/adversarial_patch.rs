@@ -8,9 +8,6 @@ use pdk_sdk::serde_json::json;
 
 use crate::attack::artwork;
 
-/// The camera of the embedded simulator, behind the windscreen of a car.
-const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
-
 /// Where pictures are laid on the road: nearer ones are below the frame of most cameras, further ones too small to be seen.
 const NEAREST: f64 = 0.5;
 const FURTHEST: f64 = 60.0;
@@ -114,17 +111,14 @@ impl Component for AdversarialPatch {
                 .range(0.0, 1.0)
                 .only_for("on", "frame"),
         )
-        .mounting(MOUNTING, 0.1..=10.0, -45.0..=45.0)
+        .mounting(Mounting::WINDSCREEN, 0.1..=10.0, -45.0..=45.0)
     }
 
     fn new(config: &Config) -> Result<Self> {
         let picture = artwork::read(config)?;
         let mut values = decal::values(picture.as_ref());
         if config.text("show") == "mean" {
-            let count = (values.len() / 3) as f64;
-            let mut sums = [0.0; 3];
-            values.iter().enumerate().for_each(|(at, value)| sums[at % 3] += f64::from(*value));
-            values.iter_mut().enumerate().for_each(|(at, value)| *value = (sums[at % 3] / count) as f32);
+            values = decal::mean(&values);
         }
         let number = |name| config.number(name);
         let place = match config.text("on") {
@@ -248,7 +242,7 @@ mod tests {
     #[test]
     fn a_picture_lies_where_a_pinhole_camera_sees_that_part_of_the_road() {
         let frame = laid(json!({"distance": 8.0, "offset": 1.0}), 3.0, None);
-        let view = MOUNTING.view([320, 160]);
+        let view = Mounting::WINDSCREEN.view([320, 160]);
         // Two metres wide and long.
         let corner = |right: f64, ahead: f64| view.seen([right, ahead]).unwrap();
         let [left, top, right, bottom] = bounds(&frame).unwrap().map(|at| at as f64);

@@ -1,6 +1,7 @@
 //! The fast gradient sign method: one step along the gradient of a network's steering.
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
 use crate::attack::descent::{Descent, Way};
 use crate::attack::{ball, goal, network};
@@ -22,6 +23,7 @@ impl Component for Fgsm {
         .family("attack")
         .not_default()
         .keeps_geometry()
+        .example(json!({"model": "dave2"}))
         .mathematics("v + epsilon sign(g), g the gradient of the steering towards the goal; with l2 v + epsilon sqrt(n) g / |g|")
         .source("Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015");
         network::parameters(goal::parameters(ball::parameters(description)))

@@ -1,6 +1,7 @@
 //! Projected gradient descent: steps along the gradient of a network's steering, each of which is taken back to what is allowed.
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
 use crate::attack::descent::{Descent, Way};
 use crate::attack::{ball, goal, network};
@@ -20,6 +21,7 @@ impl Component for Pgd {
         .family("attack")
         .not_default()
         .keeps_geometry()
+        .example(json!({"model": "dave2", "goal": "left", "steps": 2}))
         .mathematics("v' = P(v' + step epsilon sign(g(v'))), repeated; P takes back to the ball around v, g is the gradient of the steering towards the goal")
         .source("Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018")
         .drawn_per_frame("the change that the steps start from");

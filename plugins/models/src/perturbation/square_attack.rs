@@ -1,6 +1,7 @@
 //! Square attack: random search with squares, which asks the network and needs no gradient.
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
 use crate::attack::ball::{self, Ball, Norm};
 use crate::attack::goal::{self, Goal};
@@ -28,6 +29,7 @@ impl Component for SquareAttack {
         .family("attack")
         .not_default()
         .keeps_geometry()
+        .example(json!({"model": "dave2", "queries": 4}))
         .mathematics("v + epsilon s, s the signs of stripes and then of squares, each of which is kept if the steering is nearer to the goal")
         .source("Andriushchenko et al., Square Attack: a query-efficient black-box adversarial attack via random search, 2020")
         .drawn_per_frame("the stripes, and the places and signs of the squares");

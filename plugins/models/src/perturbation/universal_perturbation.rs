@@ -1,14 +1,11 @@
 //! A universal perturbation: the same change of every frame.
 
+use pdk_sdk::ops::change;
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
 use crate::attack::{artwork, ball};
-
-/// The byte of a picture that stands for no change, and how many bytes away the largest one is.
-const NONE: f64 = 128.0;
-const MOST: f64 = 127.0;
 
 /// Adds a picture.
 pub struct UniversalPerturbation {
@@ -28,7 +25,7 @@ impl Component for UniversalPerturbation {
         .keeps_geometry()
         .example(json!({"picture": "dave2_universal"}))
         .mathematics("v + epsilon (p - 128) / 127, p the picture in the size of the frame")
-        .source("Moosavi-Dezfooli et al., UniversalPerturbation Adversarial Perturbations, 2017")
+        .source("Moosavi-Dezfooli et al., Universal Adversarial Perturbations, 2017")
         .parameter(artwork::parameter(
             "the change as a picture, as `pdk attack universal` writes one, in which 128 stands for none; or `dave2_universal`, which is part of \
              pdk",
@@ -48,14 +45,10 @@ impl Perturbation for UniversalPerturbation {
             self.resized.resize(width, height);
             resize_linear(self.picture.as_ref(), self.resized.as_mut());
         }
-        let epsilon = cx.number("epsilon");
-        let change: [f64; 256] = std::array::from_fn(|byte| {
-            let change = (byte as f64 - NONE) / MOST * epsilon;
-            change.round_ties_even().clamp(-epsilon.floor(), epsilon.floor())
-        });
+        let epsilon = cx.number("epsilon") as f32;
         for ((to, from), added) in dst.rows_mut().zip(src.rows()).zip(self.resized.as_ref().rows()) {
             for ((to, from), added) in to.iter_mut().zip(from).zip(added) {
-                *to = (f64::from(*from) + change[usize::from(*added)]).clamp(0.0, 255.0) as u8;
+                *to = change::added(*from, change::of_byte(*added), epsilon);
             }
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! `pdk attack`: trains a picture on recorded frames that makes a driver steer elsewhere, wherever it is seen.
 
+mod artwork;
 mod training;
-mod worn;
 
 use std::path::PathBuf;
 
@@ -18,11 +18,12 @@ use pdk_sdk::prelude::Driver;
 use pdk_terminal::table::table;
 use serde_json::json;
 
+use super::perturb::check_output;
 use super::saliency::frames::Frames;
 use super::saliency::shown::Shown;
 use super::{Global, print_json};
+use artwork::{Artwork, Road};
 use training::{Measured, Training};
-use worn::{Road, Worn};
 
 /// One of this many frames is held back to measure on.
 const HELD_BACK: usize = 4;
@@ -78,17 +79,18 @@ these frames.";
 
 /// Trains a picture, writes it, and shows what it does on frames that it was not trained on.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    check_output(&arguments.frames, &arguments.output)?;
     let registry = global.registry()?;
     let (driver, place) = driver(&registry, &arguments.driver)?;
     let (frames, held_back) = frames(&registry, arguments)?;
-    let worn = match arguments.kind.as_str() {
-        "universal" => Worn::universal(arguments.epsilon, &frames)?,
-        _ => Worn::patch(arguments.road, usize::from(arguments.pixels))?,
+    let artwork = match arguments.kind.as_str() {
+        "universal" => Artwork::universal(arguments.epsilon, frames.iter().chain(&held_back))?,
+        _ => Artwork::patch(arguments.road, usize::from(arguments.pixels))?,
     };
     let mut training = Training {
         driver,
         place,
-        worn,
+        artwork,
         under: under(&registry, arguments)?,
         side: if arguments.goal == "right" { 1.0 } else { -1.0 },
         speed: arguments.speed,
@@ -101,10 +103,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         progress.inc(1);
     })?;
     progress.finish_and_clear();
-    let picture = training.worn.picture(&values)?;
+    let picture = training.artwork.picture(&values)?;
     pdk_image::write(&arguments.output, picture.as_ref())?;
     // What counts is what was written, in whole bytes.
-    let measured = training.measure(&held_back, &training.worn.values(picture.as_ref()))?;
+    let measured = training.measure(&held_back, &training.artwork.values(picture.as_ref()))?;
     show(global, arguments, &measured, [frames.len(), held_back.len()])
 }
 

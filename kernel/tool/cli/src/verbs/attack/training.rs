@@ -8,7 +8,7 @@ use pdk_sdk::seed;
 use pdk_supervise::calls::{self, Function};
 
 use super::Shown;
-use super::worn::Worn;
+use super::artwork::Artwork;
 
 /// The share of the direction that is kept from step to step.
 const MOMENTUM: f32 = 0.9;
@@ -24,7 +24,7 @@ pub struct Training {
     pub driver: Box<dyn Driver>,
     /// The driver in messages.
     pub place: String,
-    pub worn: Worn,
+    pub artwork: Artwork,
     /// Perturbations to survive.
     pub under: Vec<Chain>,
     /// The side to steer to: -1 is left.
@@ -58,9 +58,9 @@ impl Training {
         mut tick: impl FnMut(f64),
     ) -> Result<Vec<f32>> {
         let key = seed::key(self.seed, "attack", 0);
-        let mut values = self.worn.start(&mut key.sequence());
+        let mut values = self.artwork.start(&mut key.sequence());
         let mut direction = vec![0.0f32; values.len()];
-        let (middle, spread) = self.worn.range();
+        let (middle, spread) = self.artwork.range();
         for step in 0..steps {
             let mut random = key.frame(step.into());
             let mut sums = vec![0.0; values.len()];
@@ -93,7 +93,7 @@ impl Training {
         sums: &mut [f32],
     ) -> Result<f64> {
         let mut frame = shown.frame.clone();
-        let put = self.worn.put(values, &mut frame, random);
+        let put = self.artwork.put(values, &mut frame, random);
         let frame = self.perturbed(frame, random)?;
         let cx = self.context(shown);
         let mut slopes = vec![0.0; frame.width() * frame.height() * 3];
@@ -102,7 +102,7 @@ impl Training {
         let steering =
             calls::call(&self.place, Function::Gradient, work).map_err(|error| error.at(&self.place))?;
         // What a perturbation does in between counts as if it passed changes on as they are.
-        self.worn.back(&put, &slopes, frame.width(), sums);
+        self.artwork.back(&put, &slopes, frame.width(), sums);
         Ok(steering)
     }
 
@@ -127,7 +127,7 @@ impl Training {
     /// If the driver fails.
     pub fn measure(&mut self, frames: &[Shown], values: &[f32]) -> Result<[Measured; 3]> {
         let key = seed::key(self.seed, "measured", 0);
-        let compared = self.worn.compared(values, &mut key.sequence());
+        let compared = self.artwork.compared(values, &mut key.sequence());
         let mut measured = [Measured::default(); 3];
         let count = (frames.len() * PLACES) as f64;
         for (number, shown) in (0..).zip(frames.iter().flat_map(|shown| [shown; PLACES])) {
@@ -135,7 +135,7 @@ impl Training {
             for (steered, values) in steered.iter_mut().zip([None, Some(compared.as_slice()), Some(values)]) {
                 let mut frame = shown.frame.clone();
                 if let Some(values) = values {
-                    self.worn.put(values, &mut frame, &mut key.frame(number));
+                    self.artwork.put(values, &mut frame, &mut key.frame(number));
                 }
                 *steered = self.steering(shown, &frame)?;
             }

@@ -2,15 +2,12 @@
 
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::ground::Lying;
-use pdk_sdk::ops::decal::Decal;
+use pdk_sdk::ops::change;
+use pdk_sdk::ops::decal::{self, Decal};
 use pdk_sdk::prelude::{Frame, FrameBuf, Random};
 
 use super::Mounting;
 use super::Shown;
-
-/// The byte of a picture that stands for no change, and how many bytes away the largest one is.
-const NONE: f32 = 128.0;
-const MOST: f32 = 127.0;
 
 /// Where a patch lies, and the camera that sees it.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -31,13 +28,13 @@ pub struct Road {
     #[arg(long, default_value_t = 15.0)]
     far: f64,
     /// Angle that the frame's width covers, in degrees
-    #[arg(long, default_value_t = 75.0)]
+    #[arg(long, default_value_t = Mounting::WINDSCREEN.field_of_view)]
     field_of_view: f64,
     /// Height of the camera above the road, in metres
-    #[arg(long, default_value_t = 1.35)]
+    #[arg(long, default_value_t = Mounting::WINDSCREEN.height)]
     camera_height: f64,
     /// Angle by which the camera looks down, in degrees
-    #[arg(long, default_value_t = 8.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = Mounting::WINDSCREEN.pitch, allow_negative_numbers = true)]
     camera_pitch: f64,
 }
 
@@ -46,7 +43,7 @@ const ASIDE: f64 = 0.2;
 const TURN: f64 = 0.05;
 
 /// What is trained.
-pub enum Worn {
+pub enum Artwork {
     /// A patch with this many pixels across and down.
     Patch { road: Road, pixels: usize },
     /// A change of frames of this size by at most `epsilon`.
@@ -59,7 +56,7 @@ pub enum Put {
     Universal,
 }
 
-impl Worn {
+impl Artwork {
     /// A patch.
     ///
     /// # Errors
@@ -80,11 +77,15 @@ impl Worn {
                 road.far, road.near
             )));
         }
-        if !(20.0..=130.0).contains(&road.field_of_view) {
-            return Err(Error::new(format!(
-                "--field-of-view is {}; give an angle from 20 to 130",
-                road.field_of_view
-            )));
+        for (name, value, range) in [
+            ("field-of-view", road.field_of_view, 20.0..=130.0),
+            ("camera-pitch", road.camera_pitch, -45.0..=45.0),
+            ("offset", road.offset, -10.0..=10.0),
+        ] {
+            if !range.contains(&value) {
+                let (least, most) = range.into_inner();
+                return Err(Error::new(format!("--{name} is {value}; give a number from {least} to {most}")));
+            }
         }
         Ok(Self::Patch { road, pixels })
     }
@@ -93,13 +94,14 @@ impl Worn {
     ///
     /// # Errors
     /// If they are not, or the change is none.
-    pub fn universal(epsilon: f64, frames: &[Shown]) -> Result<Self> {
+    pub fn universal<'a>(epsilon: f64, frames: impl IntoIterator<Item = &'a Shown>) -> Result<Self> {
         if !(1.0..=255.0).contains(&epsilon) {
             return Err(Error::new(format!("--epsilon is {epsilon}; give a number from 1 to 255")));
         }
         let size = |shown: &Shown| [shown.frame.width(), shown.frame.height()];
-        let first = frames.first().map(size).unwrap_or_default();
-        match frames.iter().find(|shown| size(shown) != first) {
+        let mut frames = frames.into_iter();
+        let first = frames.next().map(size).unwrap_or_default();
+        match frames.find(|shown| size(shown) != first) {
             None => Ok(Self::Universal { epsilon: epsilon as f32, size: first }),
             Some(other) => Err(Error::new(format!(
                 "frame `{}` has {:?} pixels and the first one {first:?}; name a recording whose frames have one size",
@@ -128,12 +130,7 @@ impl Worn {
     pub fn compared(&self, values: &[f32], random: &mut Random) -> Vec<f32> {
         let (middle, spread) = self.range();
         match self {
-            Self::Patch { .. } => {
-                let mut sums = [0.0f64; 3];
-                values.iter().enumerate().for_each(|(at, value)| sums[at % 3] += f64::from(*value));
-                let count = (values.len() / 3) as f64;
-                (0..values.len()).map(|at| (sums[at % 3] / count) as f32).collect()
-            }
+            Self::Patch { .. } => decal::mean(values),
             Self::Universal { .. } => {
                 values.iter().map(|_| middle + if random.below(2) == 0 { -spread } else { spread }).collect()
             }
@@ -155,7 +152,7 @@ impl Worn {
     pub fn picture(&self, values: &[f32]) -> Result<FrameBuf> {
         let byte = |value: &f32| match self {
             Self::Patch { .. } => value.round_ties_even() as u8,
-            Self::Universal { .. } => (NONE + MOST * value).round_ties_even() as u8,
+            Self::Universal { .. } => change::byte(*value),
         };
         let [width, height] = self.size();
         FrameBuf::from_vec(values.iter().map(byte).collect(), width, height).map_err(Error::new)
@@ -165,7 +162,7 @@ impl Worn {
     pub fn values(&self, picture: Frame<'_>) -> Vec<f32> {
         let value = |byte: &u8| match self {
             Self::Patch { .. } => f32::from(*byte),
-            Self::Universal { .. } => (f32::from(*byte) - NONE) / MOST,
+            Self::Universal { .. } => change::of_byte(*byte),
         };
         picture.rows().flatten().map(value).collect()
     }
@@ -190,10 +187,8 @@ impl Worn {
                 Put::Patch(decal)
             }
             Self::Universal { epsilon, .. } => {
-                let limit = epsilon.floor();
                 for (byte, value) in frame.as_mut().rows_mut().flatten().zip(values) {
-                    let change = (value * epsilon).round_ties_even().clamp(-limit, limit);
-                    *byte = (f32::from(*byte) + change) as u8;
+                    *byte = change::added(*byte, *value, *epsilon);
                 }
                 Put::Universal
             }
