@@ -1,6 +1,13 @@
 -- Attacks along the gradient of one network while another one drives: how far they carry over.
 
-local settings = pdk.settings({ networks = { "dave2", "dave2_augmented" }, level = 2, goal = "left", steps = 3, roads = 2 })
+local settings = pdk.settings({
+	networks = { "dave2", "dave2_augmented" },
+	level = 2,
+	goal = "left",
+	steps = 3,
+	roads = 1,
+	duration = 5,
+})
 
 local scenarios = {}
 for _, driver in settings.networks do
@@ -9,6 +16,7 @@ for _, driver in settings.networks do
 			table.insert(scenarios, {
 				name = `{driver} under an attack on {model}, road {seed}`,
 				driver = driver,
+				duration = settings.duration,
 				road = pdk.road({ seed = seed, attempts = 100 }).road,
 				perturbations = {
 					{ name = "pgd", model = model, level = settings.level, goal = settings.goal, steps = settings.steps },
@@ -21,12 +29,12 @@ end
 local failed, columns = {}, { "driver" }
 for i, outcome in pdk.drive({ simulator = "lane", scenarios = scenarios }) do
 	local pair = (i - 1) // settings.roads + 1
-	failed[pair] = (failed[pair] or 0) + if outcome.success then 0 else 1
+	failed[pair] = (failed[pair] or 0) + if outcome.cause == "lane_departure" then 1 else 0
 end
 local rows = {}
 for d, driver in settings.networks do
 	local row = { driver }
-	columns[d + 1] = `fails under an attack on {driver}`
+	columns[d + 1] = `leaves the lane under an attack on {driver}`
 	for m in settings.networks do
 		local count = failed[(d - 1) * #settings.networks + m]
 		table.insert(row, `{count} of {settings.roads}`)

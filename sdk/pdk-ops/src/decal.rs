@@ -70,9 +70,22 @@ impl Decal {
     }
 
     /// Lays the picture, whose values are given row by row with three a pixel, over a frame.
-    pub fn lay(&self, picture: &[f32], mut frame: FrameMut<'_>) {
+    pub fn lay(&self, picture: &[f32], frame: FrameMut<'_>) {
+        self.lay_where(picture, frame, |_, _| true);
+    }
+
+    /// The same at those pixels, given by column and row, at which it is not hidden.
+    pub fn lay_where(
+        &self,
+        picture: &[f32],
+        mut frame: FrameMut<'_>,
+        is_seen: impl Fn(usize, usize) -> bool,
+    ) {
         for (spot, weights) in self.spots() {
             let (x, y) = (spot.x as usize, spot.y as usize);
+            if !is_seen(x, y) {
+                continue;
+            }
             let mut sums = frame.as_ref().pixel(x, y).map(|value| f32::from(value) * spot.left);
             for &(pixel, weight) in weights {
                 let values = &picture[pixel as usize * CHANNELS..][..CHANNELS];

@@ -1,4 +1,4 @@
-//! Level ground as a camera sees it, and pictures that lie on it.
+//! Level ground as a camera sees it, and pictures that lie or stand on it.
 
 use std::ops::Range;
 
@@ -62,9 +62,14 @@ impl View {
         self.towards([right, self.height, ahead])
     }
 
+    /// How far away along the optical axis a point is that lies to the right, down and ahead, as simulators give depths.
+    fn depth(&self, [_, down, ahead]: [f64; 3]) -> f64 {
+        ahead * self.cosine + down * self.sine
+    }
+
     /// Where what lies in a direction is seen, which is to the right, down and ahead, of any length; none behind the camera.
     pub fn towards(&self, [right, down, ahead]: [f64; 3]) -> Option<[f64; 2]> {
-        let along = ahead * self.cosine + down * self.sine;
+        let along = self.depth([right, down, ahead]);
         let below = down * self.cosine - ahead * self.sine;
         let [width, height] = self.size.map(|side| side as f64);
         (along > 0.0)
@@ -72,34 +77,85 @@ impl View {
     }
 }
 
-/// A picture that lies flat on the ground, its upper edge away from the camera.
+/// A picture on the road.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lying {
-    /// Its width and its length, in metres.
+pub struct Placed {
+    /// Its width, and its length or height, in metres.
     pub sides: [f64; 2],
     /// How far to the right of the camera its middle is, in metres.
     pub offset: f64,
     /// How far ahead of the camera its middle is, in metres.
     pub ahead: f64,
-    /// By how much it is turned to the right, in radians.
-    pub turn: f64,
+    /// Whether it lies or stands.
+    pub pose: Pose,
 }
 
-impl Lying {
+/// How a picture is put on the road.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pose {
+    /// It lies flat, its upper edge away from the camera, and is turned to the right.
+    Flat {
+        /// In radians.
+        turn: f64,
+    },
+    /// It faces back along the road, such as a sign or the back of a vehicle.
+    Upright {
+        /// How high above the road its middle is, in metres.
+        above: f64,
+    },
+}
+
+impl Placed {
     /// How a picture of this width and height in pixels is seen.
     pub fn decal(&self, view: &View, picture: [usize; 2]) -> Decal {
-        let (sine, cosine) = (libm::sin(self.turn), libm::cos(self.turn));
         let place = |at: [f64; 2]| {
-            let [right, ahead] = view.ground(at)?;
-            let (right, ahead) = (right - self.offset, ahead - self.ahead);
-            let (across, up) = (right * cosine - ahead * sine, right * sine + ahead * cosine);
+            let point = self.point(view, at)?;
+            let [across, up] = self.within(view, point);
             Some([across / self.sides[0] + 0.5, 0.5 - up / self.sides[1]])
         };
-        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[across, up]| {
-            let (across, up) = (across * self.sides[0], up * self.sides[1]);
-            view.seen([self.offset + across * cosine + up * sine, self.ahead - across * sine + up * cosine])
-        });
+        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+            .map(|[across, up]| view.towards(self.at(view, [across * self.sides[0], up * self.sides[1]])));
         Decal::new([0, 1].map(|axis| reach(&corners, axis, view.size[axis])), picture, place)
+    }
+
+    /// How far away along the optical axis its plane is at a place of the frame, in metres, as simulators give depths; none if the plane is not seen
+    /// there.
+    pub fn depth(&self, view: &View, place: [f64; 2]) -> Option<f64> {
+        self.point(view, place).map(|point| view.depth(point))
+    }
+
+    /// Which point of its plane is seen at a place of the frame: to the right of the camera, below it and ahead of it.
+    fn point(&self, view: &View, place: [f64; 2]) -> Option<[f64; 3]> {
+        let direction = view.direction(place);
+        let times = match self.pose {
+            Pose::Flat { .. } => view.height / direction[1],
+            Pose::Upright { .. } => self.ahead / direction[2],
+        };
+        (times > 0.0 && times.is_finite()).then(|| direction.map(|side| side * times))
+    }
+
+    /// How far a point of its plane is from its middle, to its right and upwards.
+    fn within(&self, view: &View, [right, down, ahead]: [f64; 3]) -> [f64; 2] {
+        let (right, ahead) = (right - self.offset, ahead - self.ahead);
+        match self.pose {
+            Pose::Flat { turn } => {
+                let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
+                [right * cosine - ahead * sine, right * sine + ahead * cosine]
+            }
+            Pose::Upright { above } => [right, view.height - down - above],
+        }
+    }
+
+    /// The point that is this far from its middle, to its right and upwards.
+    fn at(&self, view: &View, [across, up]: [f64; 2]) -> [f64; 3] {
+        match self.pose {
+            Pose::Flat { turn } => {
+                let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
+                let right = self.offset + across * cosine + up * sine;
+                [right, view.height, self.ahead - across * sine + up * cosine]
+            }
+            Pose::Upright { above } => [self.offset + across, view.height - above - up, self.ahead],
+        }
     }
 }
 
@@ -141,7 +197,7 @@ mod tests {
         let view = Mounting::WINDSCREEN.view([320, 160]);
         for (turn, offset) in [(0.0, 0.0), (0.5, -1.0)] {
             let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
-            let lying = Lying { sides: [2.0, 3.0], offset, ahead: 8.0, turn };
+            let lying = Placed { sides: [2.0, 3.0], offset, ahead: 8.0, pose: Pose::Flat { turn } };
             let decal = lying.decal(&view, [2, 2]);
             let inside = (0..160 * 320).filter(|at| {
                 let point = view.ground([(at % 320) as f64 + 0.5, (at / 320) as f64 + 0.5]);
@@ -155,5 +211,38 @@ mod tests {
             let (inside, found) = (inside.count(), decal.pixels());
             assert!(inside > 500 && found >= inside && found < inside + 400, "{inside} {found}");
         }
+    }
+
+    #[test]
+    fn a_picture_that_stands_is_seen_between_its_corners() {
+        let view = Mounting::WINDSCREEN.view([320, 160]);
+        let pose = Pose::Upright { above: 1.5 };
+        let standing = Placed { sides: [1.6, 1.2], offset: 1.0, ahead: 9.0, pose };
+        let decal = standing.decal(&view, [2, 2]);
+        let corner = |right: f64, above: f64| view.towards([right, 1.35 - above, 9.0]).unwrap();
+        let ([left, top], [right, bottom]) = (corner(0.2, 2.1), corner(1.8, 0.9));
+        let area = (right - left) * (bottom - top);
+        assert!(
+            area > 300.0 && (decal.pixels() as f64 - area).abs() < 0.2 * area,
+            "{area} {}",
+            decal.pixels()
+        );
+        // Each corner shows its own pixel of the picture.
+        let values = [[200.0; 3], [0.0; 3], [100.0; 3], [50.0; 3]].concat();
+        let mut frame = pdk_ops::frame::FrameBuf::new(320, 160);
+        decal.lay(&values, frame.as_mut());
+        for (right, above, expected) in [(0.4, 2.0, 200), (1.6, 2.0, 0), (0.4, 1.0, 100), (1.6, 1.0, 50)] {
+            let [x, y] = corner(right, above);
+            assert_eq!(frame.as_ref().pixel(x as usize, y as usize), [expected; 3], "{right} {above}");
+        }
+        // A simulator's depth is along the optical axis, so that of both planes is the same where they meet.
+        let foot = view.seen([0.5, 9.0]).unwrap();
+        let lying = Placed { pose: Pose::Flat { turn: 0.0 }, ..standing };
+        let depths = [standing.depth(&view, foot), lying.depth(&view, foot)].map(Option::unwrap);
+        let pitch = 8.0_f64.to_radians();
+        let expected = 9.0 * pitch.cos() + 1.35 * pitch.sin();
+        assert!(depths.iter().all(|depth| (depth - expected).abs() < 1e-9), "{depths:?} {expected}");
+        // Behind the camera there is nothing to see.
+        assert_eq!(Placed { ahead: -3.0, ..standing }.decal(&view, [2, 2]).pixels(), 0);
     }
 }

@@ -57,6 +57,7 @@ fn what_cannot_be_trained_is_refused_and_nothing_is_written() {
     refused(&["patch", "--driver", "lane_keeper"], &["lane_keeper", "name a driver that runs a network"]);
     refused(&["patch", "--driver", "dave2", "--near", "9", "--far", "3"], &["--far is 3", "--near 9"]);
     refused(&["patch", "--driver", "dave2", "--offset", "nan"], &["--offset is NaN", "from -10 to 10"]);
+    refused(&["patch", "--driver", "dave2", "--above", "2"], &["--above is for --pose upright"]);
     refused(&["patch", "--driver", "dave2", "--size", "0"], &["--size is 0", "above 0"]);
     refused(&["universal", "--driver", "dave2", "--epsilon", "0.5"], &["--epsilon is 0.5", "from 1 to 255"]);
     let picture = folder.path().join("in.png");

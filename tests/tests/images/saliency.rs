@@ -164,7 +164,7 @@ fn the_default_map_beats_itself_in_other_places_on_every_network() {
         drivers.push((format!("onnx,model={}", pilot.display()), tub));
     }
     for (driver, frames) in drivers {
-        let found = Pdk::new(["saliency", "--json", "--curves", "--count", "40", "--driver"])
+        let found = Pdk::new(["saliency", "--json", "--curves", "--count", "24", "--driver"])
             .arg(&driver)
             .arg(&frames)
             .arg("-o")
@@ -172,7 +172,7 @@ fn the_default_map_beats_itself_in_other_places_on_every_network() {
             .succeed()
             .json();
         let curve = &found["curves"][0];
-        assert_eq!(curve["frames"], 40, "{driver}: {curve}");
+        assert_eq!(curve["frames"], 24, "{driver}: {curve}");
         for measure in ["deletion", "insertion"] {
             let better = &curve[measure]["better_than_moved"];
             println!("{driver}: {measure} {better}");

@@ -148,7 +148,7 @@ fn strength_grows_between_levels_and_on_photographs() {
             frames.push(picture::to_frame(picture::scaled(&pdk_image::read(&file).unwrap(), 240)).unwrap());
         }
     }
-    check(&registry, &Look { frames, steps: 16, moments: 3 });
+    check(&registry, &Look { frames, steps: 8, moments: 3 });
 }
 
 fn registry() -> Registry {

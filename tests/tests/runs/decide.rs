@@ -94,21 +94,21 @@ fn one_by_one_or_all_at_once_is_the_same() {
         )
     };
     let ways = [
-        ("at once", "common.scenarios = {} for number = 1, 60 do table.insert(common.scenarios, scenario(number)) end pdk.drive(common)"),
-        ("one by one", "for number = 1, 60 do common.scenarios = { scenario(number) } pdk.drive(common) end"),
+        ("at once", "common.scenarios = {} for number = 1, 24 do table.insert(common.scenarios, scenario(number)) end pdk.drive(common)"),
+        ("one by one", "for number = 1, 24 do common.scenarios = { scenario(number) } pdk.drive(common) end"),
         (
             "in a session",
-            "local session = pdk.session(common) for number = 1, 60 do session:wait(session:submit(scenario(number))) end",
+            "local session = pdk.session(common) for number = 1, 24 do session:wait(session:submit(scenario(number))) end",
         ),
         (
             "as they come",
-            "local session = pdk.session(common) for number = 1, 60 do session:submit(scenario(number)) end
-             local seen = {} for count = 1, 60 do local outcome = session:next() assert(not seen[outcome.ticket]) seen[outcome.ticket] = true end
+            "local session = pdk.session(common) for number = 1, 24 do session:submit(scenario(number)) end
+             local seen = {} for count = 1, 24 do local outcome = session:next() assert(not seen[outcome.ticket]) seen[outcome.ticket] = true end
              assert(session:next() == nil)",
         ),
         (
             "without waiting",
-            "local session = pdk.session(common) for number = 1, 60 do session:submit(scenario(number)) end",
+            "local session = pdk.session(common) for number = 1, 24 do session:submit(scenario(number)) end",
         ),
     ];
     let mut expected = None;
@@ -119,7 +119,7 @@ fn one_by_one_or_all_at_once_is_the_same() {
         let out = named.join("record");
         Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(&script).succeed();
         let mut found = files(&out);
-        assert_eq!(lines(&out.join("scenarios.jsonl")), 60);
+        assert_eq!(lines(&out.join("scenarios.jsonl")), 24);
         // It holds the text of the pipeline.
         found.remove(Path::new("manifest.json"));
         match &expected {

@@ -18,6 +18,7 @@ fn tiny(script: &str, out: &Path) -> Pdk {
         .set("perturbations", "contrast,translate_image")
         .set("levels", "0,4")
         .set("limit", "10")
+        .set("segment", "12")
 }
 
 /// A study of one driver in easy conditions.
@@ -52,9 +53,11 @@ fn greedy_climbs_until_the_first_failure() {
         for (place, drive) in drives.iter().enumerate() {
             driven += 1;
             let outcome = outcome(&outcomes, &format!("{name}@{}, road 1", drive["level"]));
-            for field in ["success", "cause", "time"] {
+            for field in ["success", "cause"] {
                 assert_eq!(outcome[field], drive[field]);
             }
+            // Luau writes a whole number without a point.
+            assert_eq!(outcome["time"].as_f64(), drive["time"].as_f64());
             assert!(drive["success"] == true || place + 1 == drives.len(), "it went on: {search}");
             // A mean of a part of the road is none.
             assert_eq!(drive.get("mean_cross_track_error").is_some(), drive["success"] == true);
@@ -122,7 +125,7 @@ fn repeats_are_searched_apart() {
     let out = folder.path().join("record");
     // In less than half of the repeats it makes the driver fail, at levels from 1 on.
     let source = "return { doc = 'moves the frame at times', draws_per_sequence = 'whether', apply = function(image, cx) \
-                  if cx.sequence_random:unit() < 0.55 and cx.intensity >= 1 then image:translate(40, -30) end end }";
+                  if cx.sequence_random:unit() < 0.3 and cx.intensity >= 1 then image:translate(40, -30) end end }";
     fs::write(folder.path().join("at_times.lua"), source).unwrap();
     let greedy =
         tiny("greedy.lua", &out).set("roads", 4).set("resolution", 1).arg("--plugins").arg(folder.path());
@@ -130,10 +133,10 @@ fn repeats_are_searched_apart() {
     let greedy = json_file(&out.join("greedy.json"));
     let searches = greedy["searches"].as_array().unwrap();
     let failed = searches.iter().filter(|search| search["drives"][0]["success"] == false);
-    assert_eq!((searches.len(), failed.count()), (12, 5));
+    assert_eq!((searches.len(), failed.count()), (12, 2));
     // The drives below level 4 were all under the luck of those that failed there, and say nothing about the others.
     let level = &greedy["results"][0]["failing_level"];
-    assert_eq!((level.get("level"), level["drives"].as_u64()), (None, Some(12 + 5 * 3)), "{level}");
+    assert_eq!((level.get("level"), level["drives"].as_u64()), (None, Some(12 + 2 * 3)), "{level}");
 }
 
 #[test]
@@ -388,7 +391,6 @@ fn attention_compares_where_it_matters_with_where_it_does_not() {
     let run = |out: &Path| {
         tiny("attention.lua", out)
             .set("roads", 1)
-            .set("segment", 12)
             .set("every", 10)
             .set("conditions", "")
             .set("drivers", r#"["dave2"]"#)

@@ -1,7 +1,7 @@
-//! A printed picture: on the road ahead, in perspective, or in a box of the frame.
+//! A printed picture: in perspective on the road ahead or upright like a sign, or in a box of the frame.
 
 use pdk_sdk::camera::Mounting;
-use pdk_sdk::ground::Lying;
+use pdk_sdk::ground::{Placed, Pose, View};
 use pdk_sdk::ops::decal::{self, Decal};
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
@@ -17,17 +17,26 @@ pub struct AdversarialPatch {
     picture: FrameBuf,
     values: Vec<f32>,
     place: Place,
+    /// Whether what is nearer hides it, by the simulator's depth.
+    is_hidden: bool,
     laid: Option<Laid>,
 }
 
-/// The decals of the latest frame, and what they were made for: the size of the frame and their places.
-type Laid = ([usize; 2], Vec<[f64; 2]>, Vec<Decal>);
+/// What is seen in frames of one size, and the pictures in it, given by their widths and how far ahead they are.
+struct Laid {
+    size: [usize; 2],
+    middles: Vec<[f64; 2]>,
+    decals: Vec<Decal>,
+}
 
 /// Where the picture is.
 enum Place {
-    Road { mounting: Mounting, distance: f64, spacing: f64, offset: f64, turn: f64, stretch: f64 },
+    Road { mounting: Mounting, distance: f64, spacing: f64, offset: f64, stretch: f64, pose: Pose },
     Frame { middle: [f64; 2] },
 }
+
+/// What is nearer than a picture by more than this share of its depth hides it. Depths of one pixel of flat road differ by about as much.
+const NEARER: f64 = 0.05;
 
 impl Component for AdversarialPatch {
     fn description() -> Description {
@@ -50,9 +59,26 @@ impl Component for AdversarialPatch {
             &["picture", "mean"],
             "picture: as it is; mean: a patch of its mean colour, to compare it with",
         ))
-        .parameter(Parameter::choice("on", &["road", "frame"], "where it lies: flat on the road, or over a box of the frame"))
+        .parameter(Parameter::choice("on", &["road", "frame"], "where it lies: on the road, or over a box of the frame"))
         .parameter(
-            Parameter::by_level("size", [0.5, 1.0, 1.5, 2.0, 3.0], "its width on the road")
+            Parameter::choice(
+                "pose",
+                &["flat", "upright"],
+                "flat: it lies on the road; upright: it faces the camera, like a sign or the back of a vehicle",
+            )
+            .only_for("on", "road"),
+        )
+        .parameter(
+            Parameter::choice(
+                "depth",
+                &["none", "simulator"],
+                "none: it is drawn over everything; simulator: what is nearer hides it, as the simulator knows distances",
+            )
+            .only_for("on", "road"),
+        )
+        .depth_with("depth", "simulator")
+        .parameter(
+            Parameter::by_level("size", [0.5, 1.0, 1.5, 2.0, 3.0], "its width")
                 .range(0.01, 20.0)
                 .unit("m")
                 .only_for("on", "road"),
@@ -60,7 +86,7 @@ impl Component for AdversarialPatch {
         .parameter(
             Parameter::number("stretch", 1.0, "how much longer it is along the road than its shape says, as markings are that are read at a flat angle")
                 .range(0.1, 20.0)
-                .only_for("on", "road"),
+                .only_for("pose", "flat"),
         )
         .parameter(
             Parameter::number("distance", 10.0, "how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start")
@@ -88,7 +114,13 @@ impl Component for AdversarialPatch {
             Parameter::number("turn", 0.0, "by how much it is turned to the right on the road")
                 .range(-180.0, 180.0)
                 .unit("degrees")
-                .only_for("on", "road"),
+                .only_for("pose", "flat"),
+        )
+        .parameter(
+            Parameter::number("above", 1.0, "how high above the road its middle is")
+                .range(0.0, 20.0)
+                .unit("m")
+                .only_for("pose", "upright"),
         )
         .parameter(
             Parameter::number("speed", 8.0, "how fast the vehicle drives where its way is not known, as in recordings")
@@ -128,11 +160,15 @@ impl Component for AdversarialPatch {
                 distance: number("distance"),
                 spacing: number("spacing"),
                 offset: number("offset"),
-                turn: number("turn").to_radians(),
-                stretch: number("stretch"),
+                stretch: if config.text("pose") == "flat" { number("stretch") } else { 1.0 },
+                pose: match config.text("pose") {
+                    "upright" => Pose::Upright { above: number("above") },
+                    _ => Pose::Flat { turn: number("turn").to_radians() },
+                },
             },
         };
-        Ok(Self { picture, values, place, laid: None })
+        let is_hidden = config.text("depth") == "simulator";
+        Ok(Self { picture, values, place, is_hidden, laid: None })
     }
 }
 
@@ -140,15 +176,24 @@ impl Perturbation for AdversarialPatch {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let size = [src.width(), src.height()];
         let middles = self.middles(cx);
-        let same =
-            |(known, at, _): &&([usize; 2], Vec<[f64; 2]>, Vec<Decal>)| *known == size && *at == middles;
-        if self.laid.as_ref().filter(same).is_none() {
+        if self.laid.as_ref().is_none_or(|laid| laid.size != size || laid.middles != middles) {
             let decals = middles.iter().map(|middle| self.decal(size, *middle)).collect();
-            self.laid = Some((size, middles, decals));
+            self.laid = Some(Laid { size, middles, decals });
         }
         dst.copy_from(src);
-        if let Some((_, _, decals)) = &self.laid {
-            decals.iter().for_each(|decal| decal.lay(&self.values, dst.reborrow()));
+        let depth = self.depth(size, cx)?;
+        let Some(laid) = &self.laid else { return Ok(()) };
+        for (decal, middle) in laid.decals.iter().zip(&laid.middles) {
+            match depth.zip(self.placed(size, *middle)) {
+                Some((depth, (placed, view))) => {
+                    let is_seen = |x: usize, y: usize| {
+                        let own = placed.depth(&view, [x as f64 + 0.5, y as f64 + 0.5]);
+                        own.is_none_or(|own| f64::from(depth[y * size[0] + x]) > own * (1.0 - NEARER))
+                    };
+                    decal.lay_where(&self.values, dst.reborrow(), is_seen);
+                }
+                None => decal.lay(&self.values, dst.reborrow()),
+            }
         }
         Ok(())
     }
@@ -174,26 +219,46 @@ impl AdversarialPatch {
         middles
     }
 
-    /// Where a picture lies in a frame.
-    fn decal(&self, [width, height]: [usize; 2], [size, ahead]: [f64; 2]) -> Decal {
+    /// The simulator's depth of each pixel, if that hides the picture.
+    fn depth<'a>(&self, size: [usize; 2], cx: &Context<'a>) -> Result<Option<&'a [f32]>> {
+        if !self.is_hidden {
+            return Ok(None);
+        }
+        match cx.depth.filter(|depth| depth.len() == size[0] * size[1]) {
+            Some(depth) => Ok(Some(depth)),
+            None => Err(Error::new(
+                "it needs to know how far away pixels are, and only simulators tell; set `depth=none`",
+            )),
+        }
+    }
+
+    /// Where a picture on the road is, and how the camera sees it; none for one in a box of the frame.
+    fn placed(&self, size: [usize; 2], [width, ahead]: [f64; 2]) -> Option<(Placed, View)> {
+        let Place::Road { mounting, offset, stretch, pose, .. } = self.place else { return None };
+        let proportion = self.picture.height() as f64 / self.picture.width() as f64;
+        let sides = [width, width * proportion * stretch];
+        Some((Placed { sides, offset, ahead, pose }, mounting.view(size)))
+    }
+
+    /// How a picture is seen in a frame.
+    fn decal(&self, size: [usize; 2], of: [f64; 2]) -> Decal {
         let shape = [self.picture.width(), self.picture.height()];
-        let proportion = shape[1] as f64 / shape[0] as f64;
         match self.place {
-            Place::Frame { middle } => {
-                let across = size * width as f64;
-                let sides = [across, across * proportion];
-                let start =
-                    [0, 1].map(|axis| middle[axis] * [width, height][axis] as f64 - sides[axis] / 2.0);
-                let place =
-                    move |at: [f64; 2]| Some([0, 1].map(|axis| (at[axis] - start[axis]) / sides[axis]));
-                Decal::new([0..width, 0..height], shape, place)
-            }
-            Place::Road { mounting, offset, turn, stretch, .. } => {
-                let lying = Lying { sides: [size, size * proportion * stretch], offset, ahead, turn };
-                lying.decal(&mounting.view([width, height]), shape)
+            Place::Frame { middle } => boxed(size, middle, of[0], shape),
+            Place::Road { .. } => {
+                self.placed(size, of).map(|(placed, view)| placed.decal(&view, shape)).unwrap_or_default()
             }
         }
     }
+}
+
+/// A picture of this shape over a box of the frame, given by its middle and width as shares of the frame.
+fn boxed(size: [usize; 2], middle: [f64; 2], share: f64, shape: [usize; 2]) -> Decal {
+    let across = share * size[0] as f64;
+    let sides = [across, across * shape[1] as f64 / shape[0] as f64];
+    let start = [0, 1].map(|axis| middle[axis] * size[axis] as f64 - sides[axis] / 2.0);
+    let place = move |at: [f64; 2]| Some([0, 1].map(|axis| (at[axis] - start[axis]) / sides[axis]));
+    Decal::new([0..size[0], 0..size[1]], shape, place)
 }
 
 #[cfg(test)]
@@ -280,6 +345,36 @@ mod tests {
         assert_eq!(seen(None), seen(Some(4.0)));
         let always = json!({"distance": 20.0});
         assert_eq!(laid(always.clone(), 3.0, Some(5.0)), laid(always, 3.0, Some(0.0)));
+    }
+
+    #[test]
+    fn an_upright_picture_stands_where_a_pinhole_camera_sees_it_and_what_is_nearer_hides_it() {
+        let given = json!({"pose": "upright", "distance": 9.0, "offset": 2.0, "above": 2.0});
+        let view = Mounting::WINDSCREEN.view([320, 160]);
+        let corner = |right: f64, above: f64| view.towards([right, 1.35 - above, 9.0]).unwrap();
+        let [left, top, right, bottom] = bounds(&laid(given, 1.0, None)).unwrap().map(|at| at as f64);
+        let expected = [corner(1.5, 2.5)[0], corner(1.5, 2.5)[1], corner(2.5, 1.5)[0], corner(2.5, 1.5)[1]];
+        for (found, expected) in [left, top, right, bottom].into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1.5, "{left} {top} {right} {bottom}: {expected:?}");
+        }
+        // The left half of what is seen is behind something that is 5 m away.
+        let file = picture();
+        let near = |x: usize| if x < 160 { 5.0 } else { 100.0 };
+        let depth: Vec<f32> = (0..160 * 320).map(|at| near(at % 320)).collect();
+        let grey = FrameBuf::from_vec(vec![90; 320 * 160 * 3], 320, 160).unwrap();
+        for pose in ["upright", "flat"] {
+            let given = json!({"picture": file.path(), "pose": pose, "distance": 9.0, "depth": "simulator"});
+            let mut trial = Trial::<AdversarialPatch>::new(&given, 3.0, Key([1; 32])).unwrap();
+            let mut shown = |depth| {
+                let mut target = FrameBuf::new(320, 160);
+                let (instance, mut cx) = trial.at(10, 0.5);
+                cx.depth = depth;
+                instance.apply(grey.as_ref(), target.as_mut(), &cx).map(|()| target)
+            };
+            let hidden = bounds(&shown(Some(&depth)).unwrap()).unwrap();
+            assert!(hidden[0] == 160 && hidden[2] > 170, "{pose} {hidden:?}");
+            assert!(shown(None).unwrap_err().to_string().contains("set `depth=none`"));
+        }
     }
 
     #[test]

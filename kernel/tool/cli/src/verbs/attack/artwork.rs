@@ -1,7 +1,7 @@
 //! What is trained: a patch on the road or a change of the whole frame, as it is put on a frame.
 
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::ground::Lying;
+use pdk_sdk::ground::{Placed, Pose};
 use pdk_sdk::ops::change;
 use pdk_sdk::ops::decal::{self, Decal};
 use pdk_sdk::prelude::{Frame, FrameBuf, Random};
@@ -10,14 +10,20 @@ use super::Mounting;
 use super::Shown;
 
 /// Where a patch lies, and the camera that sees it.
-#[derive(Debug, Clone, Copy, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct Road {
-    /// Width of a patch on the road, in metres
+    /// Width of a patch, in metres
     #[arg(long, default_value_t = 1.5)]
     size: f64,
-    /// How much longer a patch is along the road than wide
-    #[arg(long, default_value_t = 1.0)]
-    stretch: f64,
+    /// How a patch is put on the road: flat, or upright like a sign or the back of a vehicle
+    #[arg(long, value_parser = ["flat", "upright"], default_value = "flat")]
+    pose: String,
+    /// How much longer a flat patch is along the road than wide [default: 1]
+    #[arg(long)]
+    stretch: Option<f64>,
+    /// How high above the road the middle of an upright patch is, in metres [default: 1]
+    #[arg(long)]
+    above: Option<f64>,
     /// How far to the right of the camera a patch lies, in metres
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset: f64,
@@ -61,15 +67,22 @@ impl Artwork {
     ///
     /// # Errors
     /// If it lies nowhere.
-    pub fn patch(road: Road, pixels: usize) -> Result<Self> {
+    pub fn patch(road: &Road, pixels: usize) -> Result<Self> {
         let positive = [
             ("size", road.size),
-            ("stretch", road.stretch),
+            ("stretch", road.stretch.unwrap_or(1.0)),
             ("near", road.near),
             ("camera-height", road.camera_height),
         ];
         if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(*value > 0.0 && *value < 1e4)) {
             return Err(Error::new(format!("--{name} is {value}; give a length above 0")));
+        }
+        let other = match road.pose.as_str() {
+            "upright" => road.stretch.map(|_| ("stretch", "flat")),
+            _ => road.above.map(|_| ("above", "upright")),
+        };
+        if let Some((name, pose)) = other {
+            return Err(Error::new(format!("--{name} is for --pose {pose}; leave it out")));
         }
         if !(road.far >= road.near && road.far < 1e4) {
             return Err(Error::new(format!(
@@ -81,13 +94,14 @@ impl Artwork {
             ("field-of-view", road.field_of_view, 20.0..=130.0),
             ("camera-pitch", road.camera_pitch, -45.0..=45.0),
             ("offset", road.offset, -10.0..=10.0),
+            ("above", road.above.unwrap_or(1.0), 0.0..=20.0),
         ] {
             if !range.contains(&value) {
                 let (least, most) = range.into_inner();
                 return Err(Error::new(format!("--{name} is {value}; give a number from {least} to {most}")));
             }
         }
-        Ok(Self::Patch { road, pixels })
+        Ok(Self::Patch { road: road.clone(), pixels })
     }
 
     /// A change of frames, which have to be of one size.
@@ -171,18 +185,20 @@ impl Artwork {
     pub fn put(&self, values: &[f32], frame: &mut FrameBuf, random: &mut Random) -> Put {
         match self {
             Self::Patch { road, pixels } => {
-                let lying = Lying {
-                    sides: [road.size, road.size * road.stretch],
-                    ahead: random.uniform(road.near, road.far),
-                    offset: road.offset + random.uniform(-ASIDE, ASIDE),
-                    turn: random.uniform(-TURN, TURN),
+                let ahead = random.uniform(road.near, road.far);
+                let offset = road.offset + random.uniform(-ASIDE, ASIDE);
+                let turned = random.uniform(-TURN, TURN);
+                let (stretch, pose) = match road.pose.as_str() {
+                    "upright" => (1.0, Pose::Upright { above: road.above.unwrap_or(1.0) }),
+                    _ => (road.stretch.unwrap_or(1.0), Pose::Flat { turn: turned }),
                 };
+                let placed = Placed { sides: [road.size, road.size * stretch], offset, ahead, pose };
                 let mounting = Mounting {
                     field_of_view: road.field_of_view,
                     height: road.camera_height,
                     pitch: road.camera_pitch,
                 };
-                let decal = lying.decal(&mounting.view([frame.width(), frame.height()]), [*pixels; 2]);
+                let decal = placed.decal(&mounting.view([frame.width(), frame.height()]), [*pixels; 2]);
                 decal.lay(values, frame.as_mut());
                 Put::Patch(decal)
             }
