@@ -4,8 +4,8 @@ local settings = pdk.settings({
 	driver = "dave2",
 	picture = "dave2_patch",
 	sizes = { 2, 3 },
-	stretch = 1,
-	distance = 8,
+	stretch = 3,
+	distance = 10,
 	spacing = 0,
 	pose = "flat",
 	-- What the camera sees the patch through, such as { name = "rain_by_rate", level = 2 }.

@@ -25,40 +25,79 @@ struct Spot {
     end: u32,
 }
 
-/// A part of a frame: columns and rows.
-pub type Part = [std::ops::Range<usize>; 2];
+/// Which place of a picture is seen at a place of a frame, in perspective: three linear functions of the place (x, y) in pixels from the frame's upper left
+/// corner, given by what they are multiplied by and what is added. The first divided by the third says how far across the picture it is, the second divided
+/// by the third how far down, from 0 to 1; nothing is seen where the third is not above 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection(pub [[f64; 3]; 3]);
+
+impl Projection {
+    /// Over a box of the frame, given by its upper left corner and its sides in pixels.
+    pub fn over([left, top]: [f64; 2], [width, height]: [f64; 2]) -> Self {
+        Self([[1.0 / width, 0.0, -left / width], [0.0, 1.0 / height, -top / height], [0.0, 0.0, 1.0]])
+    }
+
+    /// The place of the picture that is seen at a place.
+    fn seen(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+        let [across, down, depth] = self.0.map(|[by_x, by_y, add]| by_x * x + by_y * y + add);
+        let inside = depth > 0.0 && across >= 0.0 && across < depth && down >= 0.0 && down < depth;
+        inside.then(|| [across / depth, down / depth])
+    }
+
+    /// The columns of a frame of this width in which the picture may be seen at a height, from the first to one after the last.
+    fn columns(&self, y: f64, width: usize) -> [usize; 2] {
+        let [across, down, depth] = self.0.map(|[by_x, by_y, add]| [by_x, by_y * y + add]);
+        let less = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
+        let (mut low, mut high) = (0.0, width as f64);
+        // Each of these is not below 0 inside the picture.
+        for [by_x, add] in [across, less(depth, across), down, less(depth, down), depth] {
+            if by_x > 0.0 {
+                low = f64::max(low, -add / by_x);
+            } else if by_x < 0.0 {
+                high = f64::min(high, -add / by_x);
+            } else if add < 0.0 {
+                return [0, 0];
+            }
+        }
+        // One more on both sides, because of rounding: each place is looked at anyway.
+        match low <= high {
+            true => [(low as usize).saturating_sub(1), (high.ceil() as usize + 1).min(width)],
+            false => [0, 0],
+        }
+    }
+}
 
 impl Decal {
-    /// Finds where a picture lies in a part of a frame. `place` says for places of the frame, in pixels from its upper left corner, which place of the
-    /// picture is seen there, from 0 to 1 across and down; anything else is beside it.
-    pub fn new(
-        [columns, rows]: Part,
-        [width, height]: [usize; 2],
-        place: impl Fn([f64; 2]) -> Option<[f64; 2]>,
-    ) -> Self {
+    /// Finds where a picture of this width and height is seen in frames of a width and height.
+    pub fn new(frame: [usize; 2], [width, height]: [usize; 2], projection: &Projection) -> Self {
         let mut decal = Self::default();
         let mut taps: Vec<(u32, f32)> = Vec::new();
-        for (y, x) in rows.flat_map(|y| columns.clone().map(move |x| (y, x))) {
-            taps.clear();
-            let mut left = 1.0;
-            for sample in 0..SAMPLES * SAMPLES {
-                let inside = |at: usize, pixel: usize| pixel as f64 + (at as f64 + 0.5) / SAMPLES as f64;
-                let seen = place([inside(sample % SAMPLES, x), inside(sample / SAMPLES, y)]);
-                let Some([u, v]) = seen.filter(|uv| uv.iter().all(|at| (0.0..1.0).contains(at))) else {
-                    continue;
-                };
-                let share = 1.0 / (SAMPLES * SAMPLES) as f32;
-                left -= share;
-                for (row, down) in pair(v, height) {
-                    for (column, across) in pair(u, width) {
-                        add(&mut taps, (row * width + column) as u32, share * down * across);
+        let inside = |at: usize, pixel: usize| pixel as f64 + (at as f64 + 0.5) / SAMPLES as f64;
+        for y in 0..frame[1] {
+            let columns = (0..SAMPLES).map(|at| projection.columns(inside(at, y), frame[0]));
+            let columns = columns.filter(|[start, end]| start < end);
+            let Some([start, end]) = columns.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]) else {
+                continue;
+            };
+            for x in start..end {
+                taps.clear();
+                let mut left = 1.0;
+                for sample in 0..SAMPLES * SAMPLES {
+                    let place = [inside(sample % SAMPLES, x), inside(sample / SAMPLES, y)];
+                    let Some([u, v]) = projection.seen(place) else { continue };
+                    let share = 1.0 / (SAMPLES * SAMPLES) as f32;
+                    left -= share;
+                    for (row, down) in pair(v, height) {
+                        for (column, across) in pair(u, width) {
+                            add(&mut taps, (row * width + column) as u32, share * down * across);
+                        }
                     }
                 }
-            }
-            if !taps.is_empty() {
-                decal.weights.extend(&taps);
-                let end = decal.weights.len() as u32;
-                decal.spots.push(Spot { x: x as u32, y: y as u32, left, end });
+                if !taps.is_empty() {
+                    decal.weights.extend(&taps);
+                    let end = decal.weights.len() as u32;
+                    decal.spots.push(Spot { x: x as u32, y: y as u32, left, end });
+                }
             }
         }
         decal
@@ -156,11 +195,37 @@ mod tests {
         FrameBuf::from_vec(bytes, width, height).unwrap()
     }
 
+    /// Wider below than above.
+    const SKEWED: Projection = Projection([[1.0, 0.0, -2.0], [0.0, 1.0, -1.0], [0.0, 0.4, 3.0]]);
+
+    /// The pixels of a frame in which any sample shows the picture, by looking at all of them.
+    fn touched(frame: [usize; 2], projection: &Projection) -> usize {
+        let is_touched = |at: &usize| {
+            let sample = |sample: usize| {
+                let inside = |at: usize| (at as f64 + 0.5) / SAMPLES as f64;
+                let x = (at % frame[0]) as f64 + inside(sample % SAMPLES);
+                projection.seen([x, (at / frame[0]) as f64 + inside(sample / SAMPLES)]).is_some()
+            };
+            (0..SAMPLES * SAMPLES).any(sample)
+        };
+        (0..frame[0] * frame[1]).filter(is_touched).count()
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_pixel_is_left_out(rows in proptest::array::uniform9(-2.0f64..2.0)) {
+            let [a, b, c, d, e, f, g, h, i] = rows;
+            // Anything from a picture that covers the frame to one of which a part is behind the camera.
+            let projection = Projection([[a, b, c * 20.0], [d, e, f * 20.0], [g, h, i * 20.0]]);
+            let decal = Decal::new([31, 17], [5, 4], &projection);
+            proptest::prop_assert_eq!(decal.pixels(), touched([31, 17], &projection));
+        }
+    }
+
     #[test]
     fn a_picture_in_its_own_size_is_shown_as_it_is_and_the_rest_stays() {
         let (picture, before) = (frame(5, 4), frame(12, 9));
-        let place = |[x, y]: [f64; 2]| Some([(x - 3.0) / 5.0, (y - 2.0) / 4.0]);
-        let decal = Decal::new([0..12, 0..9], [5, 4], place);
+        let decal = Decal::new([12, 9], [5, 4], &Projection::over([3.0, 2.0], [5.0, 4.0]));
         assert_eq!(decal.pixels(), 20);
         let mut after = before.clone();
         decal.lay(&values(picture.as_ref()), after.as_mut());
@@ -173,16 +238,14 @@ mod tests {
             }
         }
         // One colour stays what it is, whatever its perspective.
-        let skewed = |[x, y]: [f64; 2]| Some([(x - 2.0) / (3.0 + 0.4 * y), (y - 1.0) / 7.0]);
-        let decal = Decal::new([0..12, 0..9], [5, 4], skewed);
+        let decal = Decal::new([12, 9], [5, 4], &SKEWED);
         decal.lay(&[90.0; 60], after.as_mut());
         assert_eq!(after.as_ref().pixel(3, 5), [90; 3]);
     }
 
     #[test]
     fn a_gradient_goes_back_by_the_same_weights() {
-        let skewed = |[x, y]: [f64; 2]| Some([(x - 2.0) / (3.0 + 0.9 * y), (y - 0.7) / 6.0]);
-        let decal = Decal::new([1..11, 0..9], [3, 2], skewed);
+        let decal = Decal::new([12, 9], [3, 2], &SKEWED);
         let of_frame: Vec<f32> = (0..12 * 9 * 3).map(|at| (at * 7 % 13) as f32 - 6.0).collect();
         let mut of_picture = vec![0.0; 18];
         decal.back(&of_frame, 12, &mut of_picture);

@@ -1,8 +1,6 @@
 //! Level ground as a camera sees it, and pictures that lie or stand on it.
 
-use std::ops::Range;
-
-use pdk_ops::decal::Decal;
+use pdk_ops::decal::{Decal, Projection};
 
 use crate::camera::Mounting;
 
@@ -37,6 +35,18 @@ impl View {
     pub fn direction(&self, place: [f64; 2]) -> [f64; 3] {
         let ([u, v], stretch) = (self.tangents(place), self.stretch(place));
         [u / stretch, (self.sine + v * self.cosine) / stretch, (self.cosine - v * self.sine) / stretch]
+    }
+
+    /// The direction of a place, of any length, to the right, down and ahead, as linear functions of the place: what its sides are multiplied by, and what
+    /// is added.
+    fn rays(&self) -> [[f64; 3]; 3] {
+        let [x, y] = self.size.map(|side| -(side as f64) / 2.0 / self.focal);
+        let step = 1.0 / self.focal;
+        [
+            [step, 0.0, x],
+            [0.0, step * self.cosine, self.sine + y * self.cosine],
+            [0.0, -step * self.sine, self.cosine - y * self.sine],
+        ]
     }
 
     /// How much further away what is seen at a place is than its distance along the optical axis, as a factor.
@@ -108,14 +118,34 @@ pub enum Pose {
 impl Placed {
     /// How a picture of this width and height in pixels is seen.
     pub fn decal(&self, view: &View, picture: [usize; 2]) -> Decal {
-        let place = |at: [f64; 2]| {
-            let point = self.point(view, at)?;
-            let [across, up] = self.within(view, point);
-            Some([across / self.sides[0] + 0.5, 0.5 - up / self.sides[1]])
+        match self.pose {
+            Pose::Upright { .. } if self.ahead <= 0.0 => Decal::default(),
+            _ => Decal::new(view.size, picture, &self.projection(view)),
+        }
+    }
+
+    /// Which place of it is seen at a place of the frame.
+    fn projection(&self, view: &View) -> Projection {
+        let [right, down, ahead] = view.rays();
+        // All as multiples of how far below the camera a point of the road is, or how far ahead a point of an upright plane.
+        let sum = |parts: &[(f64, [f64; 3])]| {
+            [0, 1, 2].map(|at| parts.iter().map(|(factor, function)| factor * function[at]).sum::<f64>())
         };
-        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
-            .map(|[across, up]| view.towards(self.at(view, [across * self.sides[0], up * self.sides[1]])));
-        Decal::new([0, 1].map(|axis| reach(&corners, axis, view.size[axis])), picture, place)
+        let (across, up, depth) = match self.pose {
+            Pose::Flat { turn } => {
+                let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
+                let right = sum(&[(view.height, right), (-self.offset, down)]);
+                let ahead = sum(&[(view.height, ahead), (-self.ahead, down)]);
+                (sum(&[(cosine, right), (-sine, ahead)]), sum(&[(sine, right), (cosine, ahead)]), down)
+            }
+            Pose::Upright { above } => (
+                sum(&[(self.ahead, right), (-self.offset, ahead)]),
+                sum(&[(view.height - above, ahead), (-self.ahead, down)]),
+                ahead,
+            ),
+        };
+        let half = |factor: f64, function| sum(&[(factor, function), (0.5, depth)]);
+        Projection([half(1.0 / self.sides[0], across), half(-1.0 / self.sides[1], up), depth])
     }
 
     /// How far away along the optical axis its plane is at a place of the frame, in metres, as simulators give depths; none if the plane is not seen
@@ -133,41 +163,6 @@ impl Placed {
         };
         (times > 0.0 && times.is_finite()).then(|| direction.map(|side| side * times))
     }
-
-    /// How far a point of its plane is from its middle, to its right and upwards.
-    fn within(&self, view: &View, [right, down, ahead]: [f64; 3]) -> [f64; 2] {
-        let (right, ahead) = (right - self.offset, ahead - self.ahead);
-        match self.pose {
-            Pose::Flat { turn } => {
-                let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
-                [right * cosine - ahead * sine, right * sine + ahead * cosine]
-            }
-            Pose::Upright { above } => [right, view.height - down - above],
-        }
-    }
-
-    /// The point that is this far from its middle, to its right and upwards.
-    fn at(&self, view: &View, [across, up]: [f64; 2]) -> [f64; 3] {
-        match self.pose {
-            Pose::Flat { turn } => {
-                let (sine, cosine) = (libm::sin(turn), libm::cos(turn));
-                let right = self.offset + across * cosine + up * sine;
-                [right, view.height, self.ahead - across * sine + up * cosine]
-            }
-            Pose::Upright { above } => [self.offset + across, view.height - above - up, self.ahead],
-        }
-    }
-}
-
-/// The columns or rows that corners enclose; all of them if one is behind the camera.
-fn reach(corners: &[Option<[f64; 2]>; 4], axis: usize, length: usize) -> Range<usize> {
-    let places = || corners.iter().flatten().map(|corner| corner[axis]);
-    if places().count() < corners.len() {
-        return 0..length;
-    }
-    let low = places().fold(f64::INFINITY, f64::min).floor().clamp(0.0, length as f64) as usize;
-    let high = places().fold(0.0, f64::max).ceil().clamp(0.0, length as f64) as usize;
-    low..high.max(low)
 }
 
 #[cfg(test)]

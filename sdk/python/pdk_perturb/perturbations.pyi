@@ -20,12 +20,15 @@ def adversarial_patch(
     picture: str | PathLike[str] | None = None,
     show: Literal["picture", "mean"] | None = None,
     on: Literal["road", "frame"] | None = None,
+    pose: Literal["flat", "upright"] | None = None,
+    depth: Literal["none", "simulator"] | None = None,
     size: ByLevel | None = None,
     stretch: float | None = None,
     distance: float | None = None,
     spacing: float | None = None,
     offset: float | None = None,
     turn: float | None = None,
+    above: float | None = None,
     speed: float | None = None,
     share: ByLevel | None = None,
     across: float | None = None,
@@ -45,17 +48,22 @@ def adversarial_patch(
 
     picture: the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk.
     show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
-    on: where it lies: flat on the road, or over a box of the frame (default "road").
-    size: its width on the road; only with `on=road` (m; 0.01 to 20; by level 0.5, 1, 1.5, 2, 3).
+    on: where it lies: on the road, or over a box of the frame (default "road").
+    pose: flat: it lies on the road; upright: it faces the camera, like a sign or the back of a vehicle; only with
+        `on=road` (default "flat").
+    depth: none: it is drawn over everything; simulator: what is nearer hides it, as the simulator knows distances;
+        only with `on=road` (default "none").
+    size: its width; only with `on=road` (m; 0.01 to 20; by level 0.5, 1, 1.5, 2, 3).
     stretch: how much longer it is along the road than its shape says, as markings are that are read at a flat
-        angle; only with `on=road` (0.1 to 20; default 1.0).
+        angle; only with `pose=flat` (0.1 to 20; default 3.0).
     distance: how far ahead of the camera its middle lies; with a `spacing`, that of the first one at the start;
         only with `on=road` (m; 0.5 to 60; default 10.0).
     spacing: how far apart pictures lie on the way of the vehicle, which drives over them; with 0, one stays ahead
         of it; only with `on=road` (m; 0 to 1000; default 0.0).
     offset: how far to the right of the camera its middle lies; only with `on=road` (m; -10 to 10; default 0.0).
-    turn: by how much it is turned to the right on the road; only with `on=road` (degrees; -180 to 180; default
+    turn: by how much it is turned to the right on the road; only with `pose=flat` (degrees; -180 to 180; default
         0.0).
+    above: how high above the road its middle is; only with `pose=upright` (m; 0 to 20; default 1.0).
     speed: how fast the vehicle drives where its way is not known, as in recordings; only with `on=road` (m/s; 0 to
         100; default 8.0).
     share: its width as a share of the frame's; only with `on=frame` (0.001 to 1; by level 0.05, 0.1, 0.15, 0.2,

@@ -2,7 +2,7 @@
 
 use pdk_sdk::camera::Mounting;
 use pdk_sdk::ground::{Placed, Pose, View};
-use pdk_sdk::ops::decal::{self, Decal};
+use pdk_sdk::ops::decal::{self, Decal, Projection};
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
@@ -84,7 +84,7 @@ impl Component for AdversarialPatch {
                 .only_for("on", "road"),
         )
         .parameter(
-            Parameter::number("stretch", 1.0, "how much longer it is along the road than its shape says, as markings are that are read at a flat angle")
+            Parameter::number("stretch", 3.0, "how much longer it is along the road than its shape says, as markings are that are read at a flat angle")
                 .range(0.1, 20.0)
                 .only_for("pose", "flat"),
         )
@@ -257,8 +257,7 @@ fn boxed(size: [usize; 2], middle: [f64; 2], share: f64, shape: [usize; 2]) -> D
     let across = share * size[0] as f64;
     let sides = [across, across * shape[1] as f64 / shape[0] as f64];
     let start = [0, 1].map(|axis| middle[axis] * size[axis] as f64 - sides[axis] / 2.0);
-    let place = move |at: [f64; 2]| Some([0, 1].map(|axis| (at[axis] - start[axis]) / sides[axis]));
-    Decal::new([0..size[0], 0..size[1]], shape, place)
+    Decal::new(size, shape, &Projection::over(start, sides))
 }
 
 #[cfg(test)]
@@ -306,7 +305,7 @@ mod tests {
 
     #[test]
     fn a_picture_lies_where_a_pinhole_camera_sees_that_part_of_the_road() {
-        let frame = laid(json!({"distance": 8.0, "offset": 1.0}), 3.0, None);
+        let frame = laid(json!({"distance": 8.0, "stretch": 1.0, "offset": 1.0}), 3.0, None);
         let view = Mounting::WINDSCREEN.view([320, 160]);
         // Two metres wide and long.
         let corner = |right: f64, ahead: f64| view.seen([right, ahead]).unwrap();
@@ -321,10 +320,10 @@ mod tests {
         };
         assert_eq!((at(0.5, 8.0), at(1.5, 8.0)), ([200, 0, 0], [0, 0, 100]));
         // Turned by a quarter to the right, its left half is away from the camera.
-        let turned = laid(json!({"distance": 8.0, "offset": 1.0, "turn": 90}), 3.0, None);
+        let turned = laid(json!({"distance": 8.0, "stretch": 1.0, "offset": 1.0, "turn": 90}), 3.0, None);
         let [x, y] = corner(1.0, 8.5);
         assert_eq!(turned.as_ref().pixel(x as usize, y as usize), [200, 0, 0]);
-        let mean = laid(json!({"distance": 8.0, "offset": 1.0, "show": "mean"}), 3.0, None);
+        let mean = laid(json!({"distance": 8.0, "stretch": 1.0, "offset": 1.0, "show": "mean"}), 3.0, None);
         let [x, y] = corner(0.5, 8.0);
         assert_eq!(
             (mean.as_ref().pixel(x as usize, y as usize), bounds(&mean)),

@@ -18,7 +18,7 @@ pub struct Road {
     /// How a patch is put on the road: flat, or upright like a sign or the back of a vehicle
     #[arg(long, value_parser = ["flat", "upright"], default_value = "flat")]
     pose: String,
-    /// How much longer a flat patch is along the road than wide [default: 1]
+    /// How much longer a flat patch is along the road than wide [default: 3]
     #[arg(long)]
     stretch: Option<f64>,
     /// How high above the road the middle of an upright patch is, in metres [default: 1]
@@ -44,6 +44,8 @@ pub struct Road {
     camera_pitch: f64,
 }
 
+/// How much longer a flat patch is along the road than wide if nothing else is asked for: the camera sees it at a flat angle.
+const STRETCH: f64 = 3.0;
 /// By how much a patch is moved aside and turned at random, in metres and radians.
 const ASIDE: f64 = 0.2;
 const TURN: f64 = 0.05;
@@ -70,7 +72,7 @@ impl Artwork {
     pub fn patch(road: &Road, pixels: usize) -> Result<Self> {
         let positive = [
             ("size", road.size),
-            ("stretch", road.stretch.unwrap_or(1.0)),
+            ("stretch", road.stretch.unwrap_or(STRETCH)),
             ("near", road.near),
             ("camera-height", road.camera_height),
         ];
@@ -190,7 +192,7 @@ impl Artwork {
                 let turned = random.uniform(-TURN, TURN);
                 let (stretch, pose) = match road.pose.as_str() {
                     "upright" => (1.0, Pose::Upright { above: road.above.unwrap_or(1.0) }),
-                    _ => (road.stretch.unwrap_or(1.0), Pose::Flat { turn: turned }),
+                    _ => (road.stretch.unwrap_or(STRETCH), Pose::Flat { turn: turned }),
                 };
                 let placed = Placed { sides: [road.size, road.size * stretch], offset, ahead, pose };
                 let mounting = Mounting {
