@@ -82,17 +82,25 @@ impl Decal {
             for x in start..end {
                 taps.clear();
                 let mut left = 1.0;
+                // Samples beside each other are mostly between the same four pixels of the picture.
+                let mut cell = ([0; 4], [0.0; 4]);
                 for sample in 0..SAMPLES * SAMPLES {
                     let place = [inside(sample % SAMPLES, x), inside(sample / SAMPLES, y)];
                     let Some([u, v]) = projection.seen(place) else { continue };
                     let share = 1.0 / (SAMPLES * SAMPLES) as f32;
                     left -= share;
-                    for (row, down) in pair(v, height) {
-                        for (column, across) in pair(u, width) {
-                            add(&mut taps, (row * width + column) as u32, share * down * across);
-                        }
+                    let ([top, bottom], [first, second]) = (pair(v, height), pair(u, width));
+                    let corners = [(top, first), (top, second), (bottom, first), (bottom, second)];
+                    let pixels = corners.map(|((row, _), (column, _))| (row * width + column) as u32);
+                    if cell.0 != pixels {
+                        flush(&mut taps, cell);
+                        cell = (pixels, [0.0; 4]);
+                    }
+                    for (sum, ((_, down), (_, across))) in cell.1.iter_mut().zip(corners) {
+                        *sum += share * down * across;
                     }
                 }
+                flush(&mut taps, cell);
                 if !taps.is_empty() {
                     decal.weights.extend(&taps);
                     let end = decal.weights.len() as u32;
@@ -174,6 +182,11 @@ fn pair(place: f64, length: usize) -> [(usize, f32); 2] {
     let first = at as usize;
     let share = (at - first as f64) as f32;
     [(first, 1.0 - share), ((first + 1).min(length - 1), share)]
+}
+
+/// Adds the weights of four pixels to those that are known.
+fn flush(taps: &mut Vec<(u32, f32)>, (pixels, weights): ([u32; 4], [f32; 4])) {
+    pixels.into_iter().zip(weights).for_each(|(pixel, weight)| add(taps, pixel, weight));
 }
 
 /// Adds a weight to that of a pixel.

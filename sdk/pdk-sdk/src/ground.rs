@@ -235,7 +235,7 @@ mod tests {
         let lying = Placed { pose: Pose::Flat { turn: 0.0 }, ..standing };
         let depths = [standing.depth(&view, foot), lying.depth(&view, foot)].map(Option::unwrap);
         let pitch = 8.0_f64.to_radians();
-        let expected = 9.0 * pitch.cos() + 1.35 * pitch.sin();
+        let expected = 9.0 * libm::cos(pitch) + 1.35 * libm::sin(pitch);
         assert!(depths.iter().all(|depth| (depth - expected).abs() < 1e-9), "{depths:?} {expected}");
         // Behind the camera there is nothing to see.
         assert_eq!(Placed { ahead: -3.0, ..standing }.decal(&view, [2, 2]).pixels(), 0);

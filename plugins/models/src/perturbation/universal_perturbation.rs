@@ -46,9 +46,11 @@ impl Perturbation for UniversalPerturbation {
             resize_linear(self.picture.as_ref(), self.resized.as_mut());
         }
         let epsilon = cx.number("epsilon") as f32;
+        let steps: [i16; 256] =
+            std::array::from_fn(|byte| change::step(change::of_byte(byte as u8), epsilon));
         for ((to, from), added) in dst.rows_mut().zip(src.rows()).zip(self.resized.as_ref().rows()) {
             for ((to, from), added) in to.iter_mut().zip(from).zip(added) {
-                *to = change::added(*from, change::of_byte(*added), epsilon);
+                *to = change::added(*from, steps[usize::from(*added)]);
             }
         }
         Ok(())

@@ -206,7 +206,7 @@ impl Artwork {
             }
             Self::Universal { epsilon, .. } => {
                 for (byte, value) in frame.as_mut().rows_mut().flatten().zip(values) {
-                    *byte = change::added(*byte, *value, *epsilon);
+                    *byte = change::added(*byte, change::step(*value, *epsilon));
                 }
                 Put::Universal
             }
