@@ -681,7 +681,6 @@ def fgsm(
     model: str | PathLike[str] | None = None,
     engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
-    frame: Any | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
     resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
@@ -727,8 +726,6 @@ def fgsm(
         class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
-    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
-        it first ([width, height]); left out: as the file beside the model says, or as they come.
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
         25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
     image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the
@@ -1922,13 +1919,12 @@ def pgd(
     norm: Literal["linf", "l2"] | None = None,
     steps: int | None = None,
     step: float | None = None,
-    from: Literal["random", "frame"] | None = None,
+    random_start: bool | None = None,
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
     model: str | PathLike[str] | None = None,
     engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
-    frame: Any | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
     resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
@@ -1965,8 +1961,8 @@ def pgd(
         all values (default "linf").
     steps: how many steps are taken; with `goal=away` as many to either side (1 to 1000; default 10).
     step: how long a step is, as a share of `epsilon` (0.001 to 2; default 0.25).
-    from: where the steps start: at a change that is drawn for each frame, or at the frame as it is (default
-        "random").
+    random_start: whether the steps start at a change that is drawn for each frame, and not at the frame as it is
+        (default true).
     goal: where the network is to steer: away from what it gives for the frame as it is, on whichever side that is
         further; left; right; or to `target` (default "away").
     target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
@@ -1979,8 +1975,6 @@ def pgd(
         class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
-    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
-        it first ([width, height]); left out: as the file beside the model says, or as they come.
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
         25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
     image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the
@@ -2650,7 +2644,6 @@ def square_attack(
     model: str | PathLike[str] | None = None,
     engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
-    frame: Any | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
     resize: Literal["auto", "bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"] | None = None,
@@ -2697,8 +2690,6 @@ def square_attack(
         class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
-    frame: the size of the camera's frames that crops in pixels are meant for; frames of another size are resized to
-        it first ([width, height]); left out: as the file beside the model says, or as they come.
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
         25, left = 0, right = 0 }); left out: as the file beside the model says, or nothing.
     image_size: the size of the network's image, which a file may leave open ([width, height]); left out: as the

@@ -16,6 +16,12 @@ from pdk_perturb import perturbations
 
 #: What needs a file of the user's.
 WITH_FILES = {"overlay", "repaint"}
+#: The first example of each perturbation that has one.
+EXAMPLES = {
+    entry["description"]["name"]: entry["description"]["examples"][0]
+    for entry in pdk.catalog()
+    if entry["description"].get("examples")
+}
 #: What changes frames, and not controls or what a driver gets besides.
 OF_FRAMES = [
     entry["description"]["name"] for entry in pdk.catalog() if entry["description"].get("acts_on", "frames") == "frames"
@@ -24,11 +30,13 @@ OF_FRAMES = [
 
 @pytest.mark.parametrize("name", [name for name in OF_FRAMES if name not in WITH_FILES])
 def test_every_perturbation_has_the_bytes_of_the_command_line(name, image, command):
-    expected = command(f"{name}@2.5", seed=7)
-    assert numpy.array_equal(pdk.perturb(image, f"{name}@2.5", seed=7), expected)
+    # What some need, such as a network.
+    needs = EXAMPLES.get(name, {})
+    expected = command(*pdk.written(name, level=2.5, **needs), seed=7)
+    assert numpy.array_equal(pdk.perturb(image, f"{name}@2.5", seed=7, **needs), expected)
     # Again by the chain that was kept, after another seed and another level.
-    pdk.perturb(image, f"{name}@1", seed=3)
-    assert numpy.array_equal(pdk.perturb(image, f"{name}@2.5", seed=7), expected)
+    pdk.perturb(image, f"{name}@1", seed=3, **needs)
+    assert numpy.array_equal(pdk.perturb(image, f"{name}@2.5", seed=7, **needs), expected)
 
 
 @pytest.mark.parametrize(

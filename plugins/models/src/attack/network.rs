@@ -20,8 +20,8 @@ pub fn parameters(description: Description) -> Description {
         )
         .parameter(engine::parameter());
     let mut description = field::parameters(description);
-    // Of a perturbation it is a modifier; `crop` says the same, and so does the file beside the model.
-    description.parameters.retain(|parameter| parameter.name != "region");
+    // For a perturbation, `region` is a modifier and `frame`, in Python, the number of the frame. The file beside the model says both as well.
+    description.parameters.retain(|parameter| !["region", "frame"].contains(&parameter.name.as_str()));
     description.parameter(
         Parameter::number(
             "speed",

@@ -38,10 +38,10 @@ impl Component for Pgd {
                 Parameter::number("step", 0.25, "how long a step is, as a share of `epsilon`")
                     .range(0.001, 2.0),
             )
-            .parameter(Parameter::choice(
-                "from",
-                &["random", "frame"],
-                "where the steps start: at a change that is drawn for each frame, or at the frame as it is",
+            .parameter(Parameter::boolean(
+                "random_start",
+                true,
+                "whether the steps start at a change that is drawn for each frame, and not at the frame as it is",
             ));
         network::parameters(goal::parameters(description))
     }
@@ -50,7 +50,7 @@ impl Component for Pgd {
         let way = Way {
             steps: config.integer("steps") as usize,
             share: config.number("step"),
-            drawn: config.text("from") == "random",
+            drawn: config.boolean("random_start"),
         };
         Ok(Self { descent: Descent::open(config)?, way })
     }
