@@ -49,7 +49,7 @@ impl Component for AdversarialPatch {
         .not_default()
         .keeps_geometry()
         .example(json!({"picture": "dave2_patch"}))
-        .mathematics("the picture on the plane of the ground as a pinhole camera sees it, with 16 samples a pixel")
+        .mathematics("the picture on a plane, that of the ground or an upright one, as a pinhole camera sees it, with 16 samples a pixel")
         .source("Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021")
         .parameter(artwork::parameter(
             "the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk",

@@ -10,14 +10,14 @@ use super::Mounting;
 use super::Shown;
 
 /// Where a patch lies, and the camera that sees it.
-#[derive(Debug, Clone, clap::Args)]
+#[derive(Debug, Clone, Copy, clap::Args)]
 pub struct Road {
     /// Width of a patch, in metres
     #[arg(long, default_value_t = 1.5)]
     size: f64,
     /// How a patch is put on the road: flat, or upright like a sign or the back of a vehicle
-    #[arg(long, value_parser = ["flat", "upright"], default_value = "flat")]
-    pose: String,
+    #[arg(long, default_value = "flat")]
+    pose: Posture,
     /// How much longer a flat patch is along the road than wide [default: 3]
     #[arg(long)]
     stretch: Option<f64>,
@@ -44,8 +44,17 @@ pub struct Road {
     camera_pitch: f64,
 }
 
+/// How a patch is put on the road.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Posture {
+    Flat,
+    Upright,
+}
+
 /// How much longer a flat patch is along the road than wide if nothing else is asked for: the camera sees it at a flat angle.
 const STRETCH: f64 = 3.0;
+/// How high above the road the middle of an upright patch is if nothing else is asked for, in metres.
+const ABOVE: f64 = 1.0;
 /// By how much a patch is moved aside and turned at random, in metres and radians.
 const ASIDE: f64 = 0.2;
 const TURN: f64 = 0.05;
@@ -69,7 +78,7 @@ impl Artwork {
     ///
     /// # Errors
     /// If it lies nowhere.
-    pub fn patch(road: &Road, pixels: usize) -> Result<Self> {
+    pub fn patch(road: Road, pixels: usize) -> Result<Self> {
         let positive = [
             ("size", road.size),
             ("stretch", road.stretch.unwrap_or(STRETCH)),
@@ -79,9 +88,9 @@ impl Artwork {
         if let Some((name, value)) = positive.into_iter().find(|(_, value)| !(*value > 0.0 && *value < 1e4)) {
             return Err(Error::new(format!("--{name} is {value}; give a length above 0")));
         }
-        let other = match road.pose.as_str() {
-            "upright" => road.stretch.map(|_| ("stretch", "flat")),
-            _ => road.above.map(|_| ("above", "upright")),
+        let other = match road.pose {
+            Posture::Upright => road.stretch.map(|_| ("stretch", "flat")),
+            Posture::Flat => road.above.map(|_| ("above", "upright")),
         };
         if let Some((name, pose)) = other {
             return Err(Error::new(format!("--{name} is for --pose {pose}; leave it out")));
@@ -96,14 +105,14 @@ impl Artwork {
             ("field-of-view", road.field_of_view, 20.0..=130.0),
             ("camera-pitch", road.camera_pitch, -45.0..=45.0),
             ("offset", road.offset, -10.0..=10.0),
-            ("above", road.above.unwrap_or(1.0), 0.0..=20.0),
+            ("above", road.above.unwrap_or(ABOVE), 0.0..=20.0),
         ] {
             if !range.contains(&value) {
                 let (least, most) = range.into_inner();
                 return Err(Error::new(format!("--{name} is {value}; give a number from {least} to {most}")));
             }
         }
-        Ok(Self::Patch { road: road.clone(), pixels })
+        Ok(Self::Patch { road, pixels })
     }
 
     /// A change of frames, which have to be of one size.
@@ -190,9 +199,9 @@ impl Artwork {
                 let ahead = random.uniform(road.near, road.far);
                 let offset = road.offset + random.uniform(-ASIDE, ASIDE);
                 let turned = random.uniform(-TURN, TURN);
-                let (stretch, pose) = match road.pose.as_str() {
-                    "upright" => (1.0, Pose::Upright { above: road.above.unwrap_or(1.0) }),
-                    _ => (road.stretch.unwrap_or(STRETCH), Pose::Flat { turn: turned }),
+                let (stretch, pose) = match road.pose {
+                    Posture::Upright => (1.0, Pose::Upright { above: road.above.unwrap_or(ABOVE) }),
+                    Posture::Flat => (road.stretch.unwrap_or(STRETCH), Pose::Flat { turn: turned }),
                 };
                 let placed = Placed { sides: [road.size, road.size * stretch], offset, ahead, pose };
                 let mounting = Mounting {

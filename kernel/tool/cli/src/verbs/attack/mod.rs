@@ -85,7 +85,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let (frames, held_back) = frames(&registry, arguments)?;
     let artwork = match arguments.kind.as_str() {
         "universal" => Artwork::universal(arguments.epsilon, frames.iter().chain(&held_back))?,
-        _ => Artwork::patch(&arguments.road, usize::from(arguments.pixels))?,
+        _ => Artwork::patch(arguments.road, usize::from(arguments.pixels))?,
     };
     let mut training = Training {
         driver,
