@@ -7,6 +7,8 @@ use pdk_sdk::serde_json::{Value, json};
 use pdk_sdk::testing::Trial;
 use tempfile::NamedTempFile;
 
+use crate::attack::expectation::Expectation;
+use crate::attack::network::Attacked;
 use crate::gradient_tests::engines;
 use crate::perturbation::fgsm::Fgsm;
 use crate::perturbation::pgd::Pgd;
@@ -95,6 +97,33 @@ fn one_step_changes_each_byte_by_the_sign_of_its_slope() {
         .map(|goal| steering(&attacked::<Fgsm>(&file, json!({"goal": goal}), 4.0, &before)));
     let before = steering(&before);
     assert_eq!((away - before).abs(), (left - before).abs().max((right - before).abs()));
+}
+
+/// The mean steering of `dave2` over changes of a frame that no attack has seen.
+fn under_changes(frame: &FrameBuf) -> f64 {
+    let given = json!({"model": "dave2", "expectation": 40});
+    let config = Config::check(&Pgd::description(), given.as_object().unwrap()).unwrap();
+    let mut seen = Expectation::of(&config, Attacked::open(&config, true).unwrap());
+    seen.start(frame.width(), frame.height(), None, &mut Key([77; 32]).frame(5));
+    seen.steering(frame.as_ref()).unwrap()
+}
+
+#[test]
+fn an_attack_over_drawn_changes_survives_changes_that_it_has_not_seen() {
+    let mut road = FrameBuf::new(200, 66);
+    let shade = |x: usize, y: usize| (60 + y * 2 + if x > 90 + y { 50 } else { 0 }) as u8;
+    for y in 0..66 {
+        (0..200).for_each(|x| road.as_mut().set_pixel(x, y, [shade(x, y), shade(x, y), 90]));
+    }
+    let attacked = |draws: i64| {
+        let given = json!({"model": "dave2", "goal": "left", "steps": 6, "expectation": draws});
+        Trial::<Pgd>::new(&given, 3.0, Key([1; 32])).unwrap().frame(&road, 0, 0.0).unwrap()
+    };
+    let [plain, robust] = [0, 8].map(|draws| under_changes(&attacked(draws)));
+    let untouched = under_changes(&road);
+    println!("{untouched} {plain} {robust}");
+    assert!(robust < plain && plain < untouched, "{robust} {plain} {untouched}");
+    assert_eq!(attacked(3), attacked(3));
 }
 
 #[test]

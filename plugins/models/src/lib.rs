@@ -30,12 +30,13 @@ mod saliency_tests;
 mod sanity_tests;
 
 mod attack {
-    //! What attacks on a network have in common: the pictures of [`artwork`], the [`network`], the [`goal`] of its steering, the [`ball`] of changes that are allowed, and
-    //! [`descent`] along the gradient.
+    //! What attacks on a network have in common: the pictures of [`artwork`], the [`network`], the [`goal`] of its steering, the [`ball`] of changes that are allowed,
+    //! [`descent`] along the gradient, and the [`expectation`] over what happens to a frame afterwards.
 
     pub mod artwork;
     pub mod ball;
     pub mod descent;
+    pub mod expectation;
     pub mod goal;
     pub mod network;
 }

@@ -97,9 +97,16 @@ impl ModelFile {
     /// # Errors
     /// As for [`sizes`](Self::sizes), and if its outputs are not a control.
     pub fn try_out(&self, session: &mut dyn Session, speed: f64) -> Result<Outputs> {
-        let sizes = self.sizes(session, speed)?;
+        self.control(&self.sizes(session, speed)?)
+    }
+
+    /// How its outputs become a control, by the number of values of each.
+    ///
+    /// # Errors
+    /// If they do not.
+    pub fn control(&self, sizes: &[usize]) -> Result<Outputs> {
         let states: Vec<usize> = self.plan.states().collect();
-        Outputs::new(&self.plan.described, &self.plan.outputs, &sizes, &states)
+        Outputs::new(&self.plan.described, &self.plan.outputs, sizes, &states)
     }
 
     /// Reads a model with what was given to describe it.

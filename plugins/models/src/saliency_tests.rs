@@ -58,6 +58,10 @@ fn open<M: Component>(file: &NamedTempFile, more: Value) -> Result<M> {
     M::new(&config::<M>(file, more)?)
 }
 
+fn error(found: Result<()>) -> String {
+    found.unwrap_err().to_string()
+}
+
 fn bright(width: usize, height: usize) -> FrameBuf {
     let pixels = (0..width * height * 3).map(|i| 150 + (i * 31 % 101) as u8).collect();
     FrameBuf::from_vec(pixels, width, height).unwrap()
@@ -291,6 +295,88 @@ fn the_throttle_is_explained_on_demand_and_the_published_method_explains_the_sum
     assert!(open::<PublishedGradCam>(&file, json!({"explain": "steering"})).is_err());
 }
 
+/// A network that does not drive: a score for the left half of a picture and one for the right half, and for each of four candidates where it is and
+/// two scores, as detectors give them.
+fn detector() -> NamedTempFile {
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 16, 32]);
+    let filter = s.weights("filter", Tensor::floats(&[1, 3, 4, 4], vec![1.0 / 48.0; 48]));
+    s.node("Conv", &["image", &filter], "seen", &[("strides", Setting::Ints(&[4, 4]))]);
+    s.node("Flatten", &["seen"], "flat", &[]);
+    // Cells are 4 rows of 8; a half has 16.
+    let halves = (0..64).map(|at| f64::from(u8::from(at / 2 % 8 / 4 == at % 2)) / 16.0).collect();
+    let halves = s.weights("halves", Tensor::floats(&[32, 2], halves));
+    s.node("MatMul", &["flat", &halves], "scores", &[]);
+    // Candidates are the quarters of the width; the score of class 1 is the brightness there, that of class 0 its opposite.
+    let candidate = |at: usize| match (at % 24 / 4, at % 4, at / 24 % 8 / 2) {
+        (4, own, quarter) if own == quarter => -1.0 / 8.0,
+        (5, own, quarter) if own == quarter => 1.0 / 8.0,
+        _ => 0.0,
+    };
+    let candidates =
+        s.weights("candidates", Tensor::floats(&[32, 24], (0..32 * 24).map(candidate).collect()));
+    s.node("MatMul", &["flat", &candidates], "rows", &[]);
+    let shape = s.ints(&[1, 6, 4]);
+    s.node("Reshape", &["rows", &shape], "boxes", &[]);
+    let file = NamedTempFile::with_suffix(".onnx").unwrap();
+    std::fs::write(file.path(), model::encode(&s.model(&["scores", "boxes"]))).unwrap();
+    file
+}
+
+#[test]
+fn classes_and_boxes_of_networks_that_do_not_drive_can_be_explained() {
+    let file = detector();
+    let mut frame = FrameBuf::new(32, 16);
+    for y in 0..16 {
+        for x in 0..32 {
+            // Brightest in the third quarter.
+            let value = [40, 80, 200, 120][x / 8];
+            frame.as_mut().set_pixel(x, y, [value; 3]);
+        }
+    }
+    // Which quarters of a map hold nearly all of it.
+    let quarters = |values: Vec<f32>| -> Vec<usize> {
+        let sum: f32 = values.iter().sum();
+        let of = |quarter: usize| {
+            let inside = values.iter().enumerate().filter(|(at, _)| at % 32 / 8 == quarter);
+            inside.map(|(_, value)| value).sum::<f32>() / sum
+        };
+        (0..4).filter(|quarter| of(*quarter) > 0.1).collect()
+    };
+    for (explain, expected) in [
+        ("scores[0]", vec![0, 1]),
+        ("scores[1]", vec![2, 3]),
+        ("max(scores)", vec![2, 3]),
+        ("boxes[0,5,1]", vec![1]),
+        ("boxes[0,5,*]", vec![2]),
+    ] {
+        for engine in engines() {
+            let given = json!({"explain": explain, "engine": engine});
+            let gradient = quarters(map(&mut open::<Gradient>(&file, given.clone()).unwrap(), &frame));
+            assert_eq!(gradient, expected, "gradient of {explain} on {engine}");
+            let covered = json!({"explain": explain, "engine": engine, "fill": "black"});
+            let covered = quarters(map(&mut open::<Occlusion>(&file, covered).unwrap(), &frame));
+            // A patch covers parts of what lies beside it.
+            assert!(expected.iter().all(|quarter| covered.contains(quarter)), "{explain}: {covered:?}");
+        }
+    }
+    // Both ways of naming a network are told what to do.
+    let steering = error(open::<HiResCam>(&file, json!({})).map(drop));
+    assert!(
+        steering.ends_with("if the network does not drive, name the number to explain with `explain`"),
+        "{steering}"
+    );
+    for (explain, part) in [
+        ("score[0]", "explain: `score[0]`: there is no value `score`"),
+        ("scores", "explain: `scores` has 2 numbers"),
+        ("boxes[0,6,0]", "explain: `boxes` has the shape (1, 6, 4)"),
+        ("squared_error(scores)", "explain: `squared_error(scores)` is a loss, which needs a target"),
+    ] {
+        let found = error(open::<HiResCam>(&file, json!({"explain": explain})).map(drop));
+        assert!(found.contains(part), "{explain}: {found}");
+    }
+}
+
 #[test]
 fn the_sign_says_what_lowers_the_output() {
     let frame = bright(32, 16);
@@ -376,7 +462,6 @@ fn hirescam_is_the_same_before_and_behind_the_activation_function() {
 #[test]
 fn what_cannot_be_explained_is_a_sentence() {
     let file = right_half(1.0);
-    let error = |found: Result<()>| found.unwrap_err().to_string();
     let place = format!("model `{}`: ", file.path().display());
     let layer = error(open::<HiResCam>(&file, json!({"layer": "conv_7"})).map(drop));
     assert_eq!(
@@ -414,13 +499,13 @@ fn what_cannot_be_explained_is_a_sentence() {
     s.input("image", &[1, 3, 4, 4]);
     let (filter, weights) = (s.drawn(&[2, 3, 3, 3], -0.01, 0.01), s.drawn(&[2, 1], -0.01, 0.01));
     s.node("Conv", &["image", &filter], "seen", &[]);
-    s.node("GlobalMaxPool", &["seen"], "pooled", &[]);
+    s.node("GlobalLpPool", &["seen"], "pooled", &[]);
     s.node("Flatten", &["pooled"], "flat", &[]);
     s.node("MatMul", &["flat", &weights], "steering", &[]);
     let pooled = save(&s);
     let lacking = error(open::<GradCam>(&pooled, json!({})).map(drop));
     assert!(
-        lacking.contains("GlobalMaxPool")
+        lacking.contains("GlobalLpPool")
             && lacking.ends_with("eigen-cam, score-cam, rise and occlusion work without one"),
         "{lacking}"
     );

@@ -7,7 +7,7 @@ pub mod samples;
 mod scan;
 mod size;
 
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::codecs::bmp::BmpDecoder;
@@ -33,10 +33,29 @@ const JPEG_QUALITY: u8 = 95;
 /// If the file cannot be read, is not such an image, has more than [`most_pixels`], is an animation, has pixels that are not
 /// opaque, or is damaged or cut off: there is no partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
-    read_as(path, |image| {
-        check_opaque(&image)?;
-        frame(image.into_rgb8())
-    })
+    read_as(path, opaque)
+}
+
+/// Reads an image to its end from a stream, such as standard input, as [`read`] does from a file.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from(stream: impl Read) -> Result<FrameBuf> {
+    let mut bytes = Vec::new();
+    stream.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 {
+        0 => Err(Error::new("it is empty; send an image in JPEG, PNG, BMP or WebP")),
+        1..=LARGEST_FILE => opaque(decode(&bytes)?),
+        _ => Err(Error::new(format!(
+            "it has more than {LARGEST_FILE} bytes, which no image has that can be read"
+        ))),
+    }
+}
+
+/// The frame of a picture through which nothing else is to be seen.
+fn opaque(image: DynamicImage) -> Result<FrameBuf> {
+    check_opaque(&image)?;
+    frame(image.into_rgb8())
 }
 
 /// Refuses a picture through which something else is to be seen: what a frame would show there is nowhere written.

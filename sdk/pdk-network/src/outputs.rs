@@ -24,6 +24,11 @@ pub struct Source {
 }
 
 impl Source {
+    /// The only number of an output, as it is.
+    pub fn plain(output: usize) -> Self {
+        Self { output, index: Some(0), rule: Rule::plain("") }
+    }
+
     /// Whether the control falls when the output's number grows.
     pub fn is_reversed(&self) -> bool {
         self.rule.scale < 0.0

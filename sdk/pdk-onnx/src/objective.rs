@@ -12,7 +12,8 @@ use crate::attributes::int;
 use crate::builder::Builder;
 use crate::gradient::{Gradients, Target, float_shape, gradients};
 use crate::graph::Graph;
-use crate::tensor::shape_text;
+use crate::proto::ModelProto;
+use crate::tensor::{Element, Tensor, shape_text};
 use crate::values::Source;
 
 /// The name of the number in the graph, which is the first output.
@@ -22,12 +23,17 @@ pub const OBJECTIVE: &str = "objective";
 pub const WEIGHTS: &str = "weights";
 
 /// How a value becomes one number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 enum Measure {
-    /// Its element at this place, in row-major order; without a place, its only one.
-    Element(Option<usize>),
+    /// Its only element.
+    Only,
+    /// Its element at this place, in row-major order.
+    At(usize),
+    /// Its element at this place on each axis; on axes without one, the greatest.
+    On(Vec<Option<usize>>),
     Sum,
     Mean,
+    Greatest,
     SquaredError,
     AbsoluteError,
     CrossEntropy,
@@ -37,6 +43,7 @@ enum Measure {
 const MEASURES: &[(&str, Measure, &str)] = &[
     ("sum", Measure::Sum, "the sum of all its numbers"),
     ("mean", Measure::Mean, "their mean"),
+    ("max", Measure::Greatest, "the greatest of them"),
     ("squared_error", Measure::SquaredError, "the mean of the squared differences from a target"),
     ("absolute_error", Measure::AbsoluteError, "the mean of the absolute differences from a target"),
     (
@@ -47,7 +54,7 @@ const MEASURES: &[(&str, Measure, &str)] = &[
 ];
 
 impl Measure {
-    fn has_target(self) -> bool {
+    fn has_target(&self) -> bool {
         matches!(self, Self::SquaredError | Self::AbsoluteError | Self::CrossEntropy)
     }
 }
@@ -67,9 +74,10 @@ pub struct Objective {
 
 impl Objective {
     /// Reads what is meant by `text`: terms that are joined by ` + ` and ` - `, each with a factor before ` * ` if need be. A term is a
-    /// value of the graph, `VALUE` if it has one number or `VALUE[PLACE]`, or a measure of one: `sum(VALUE)`, `mean(VALUE)`,
-    /// `squared_error(VALUE)`, `absolute_error(VALUE)`, `cross_entropy(VALUE)`. Such as `steering`, `probabilities[3]` or
-    /// `squared_error(steering) + 0.1 * mean(throttle)`.
+    /// value of the graph, `VALUE` if it has one number or `VALUE[PLACE]`, or a measure of one: `sum(VALUE)`, `mean(VALUE)`, `max(VALUE)`,
+    /// `squared_error(VALUE)`, `absolute_error(VALUE)`, `cross_entropy(VALUE)`. A place is counted in row-major order, or given for each axis,
+    /// where `*` takes the greatest number along it. Such as `steering`, `probabilities[3]`, `boxes[0,4,*]` or `squared_error(steering) + 0.1 *
+    /// mean(throttle)`.
     ///
     /// # Errors
     /// If it says something else, or names a value that the graph does not have.
@@ -136,7 +144,7 @@ impl Objective {
                 }
                 false => String::new(),
             };
-            let number = number(&mut b, *measure, value, &target)?;
+            let number = number(&mut b, measure, value, &target)?;
             let number = b.scale(&number, *factor)?;
             sum = Some(match sum {
                 None => number,
@@ -146,6 +154,19 @@ impl Objective {
         let sum = sum.ok_or_else(|| Error::new("an objective has at least one term"))?;
         b.named("Identity", &[&sum], OBJECTIVE)?;
         Ok(b.graph)
+    }
+
+    /// A graph whose only output is the number, [`OBJECTIVE`].
+    ///
+    /// # Errors
+    /// If a value has no numbers, or several where one is meant, or the number is a loss, which needs a target.
+    pub fn graph(&self, graph: &Graph) -> Result<ModelProto> {
+        match self.terms.iter().find(|term| term.measure.has_target()) {
+            Some(_) => Err(Error::new(format!(
+                "`{self}` is a loss, which needs a target; name a number without one"
+            ))),
+            None => self.add_to(graph.clone())?.model(&[OBJECTIVE]),
+        }
     }
 
     /// A model that computes the number and its gradients with respect to `of`: the inputs of the graph, any values, or weights. Its
@@ -224,23 +245,32 @@ fn term(sign: f64, words: &[&str], graph: &Graph) -> Result<Term> {
 /// The measure and the value that a term names. A name of a value is taken as it stands, whatever is in it.
 fn measured<'a>(text: &'a str, graph: &Graph) -> (Measure, &'a str) {
     if graph.fact(text).is_ok() {
-        return (Measure::Element(None), text);
+        return (Measure::Only, text);
     }
     if let Some((value, place)) = text.strip_suffix(']').and_then(|text| text.rsplit_once('['))
-        && let Ok(place) = place.parse()
+        && let Some(at) = place_of(place)
     {
-        return (Measure::Element(Some(place)), value);
+        return (at, value);
     }
     let inner = text.strip_suffix(')').and_then(|text| text.split_once('('));
     let known = inner.and_then(|(word, value)| {
         let (_, measure, _) = MEASURES.iter().find(|(name, ..)| *name == word)?;
-        Some((*measure, value))
+        Some((measure.clone(), value))
     });
-    known.unwrap_or((Measure::Element(None), text))
+    known.unwrap_or((Measure::Only, text))
+}
+
+/// The place in brackets: one number, or for each axis one or a star.
+fn place_of(text: &str) -> Option<Measure> {
+    if let Ok(place) = text.parse() {
+        return Some(Measure::At(place));
+    }
+    let axis = |part: &str| if part == "*" { Some(None) } else { part.parse().ok().map(Some) };
+    text.split(',').map(axis).collect::<Option<_>>().map(Measure::On)
 }
 
 /// Adds the nodes of a measure.
-fn number(b: &mut Builder, measure: Measure, value: &str, target: &str) -> Result<String> {
+fn number(b: &mut Builder, measure: &Measure, value: &str, target: &str) -> Result<String> {
     let shape = float_shape(&b.graph, value)?.to_vec();
     let count: usize = shape.iter().product();
     if count == 0 {
@@ -253,25 +283,36 @@ fn number(b: &mut Builder, measure: Measure, value: &str, target: &str) -> Resul
         b.scale(&sum, 1.0 / divisor as f64)
     };
     match measure {
-        Measure::Element(place) => {
-            let place = match place {
-                None if count > 1 => {
-                    return Err(Error::new(format!(
-                        "`{value}` has {count} numbers; name one, such as {value}[0], or a measure of all, such as sum({value})"
-                    )));
-                }
-                place => place.unwrap_or(0),
-            };
-            if place >= count {
+        Measure::Only if count > 1 => Err(Error::new(format!(
+            "`{value}` has {count} numbers; name one, such as {value}[0], or a measure of all, such as sum({value})"
+        ))),
+        Measure::Only => element(b, value, 0),
+        Measure::At(place) => {
+            if *place >= count {
                 return Err(Error::new(format!(
                     "`{value}` has {count} numbers, from {value}[0] to {value}[{}]",
                     count - 1
                 )));
             }
-            let flat = b.reshape(value, &[count])?;
-            let one = b.slice(&flat, 0, place, place + 1)?;
-            b.reshape(&one, &[])
+            element(b, value, *place)
         }
+        Measure::On(places) => {
+            let fits = |(place, dim): (&Option<usize>, &usize)| place.is_none_or(|place| place < *dim);
+            if places.len() != shape.len() || !places.iter().zip(&shape).all(fits) {
+                return Err(Error::new(format!(
+                    "`{value}` has the shape {}; give a place on each axis, from 0, or * for the greatest along it",
+                    shape_text(&shape)
+                )));
+            }
+            let mut part = value.to_owned();
+            for (axis, place) in places.iter().enumerate() {
+                if let Some(place) = place {
+                    part = b.slice(&part, axis, *place, place + 1)?;
+                }
+            }
+            greatest(b, &part)
+        }
+        Measure::Greatest => greatest(b, value),
         Measure::Sum => all(b, value, 1),
         Measure::Mean => all(b, value, count),
         Measure::SquaredError | Measure::AbsoluteError => {
@@ -296,14 +337,33 @@ fn number(b: &mut Builder, measure: Measure, value: &str, target: &str) -> Resul
     }
 }
 
+/// The number at a place of a value, in row-major order.
+fn element(b: &mut Builder, value: &str, place: usize) -> Result<String> {
+    let flat = b.reshape(value, &[count_of(b, value)?])?;
+    // tract 0.23.9 cannot prepare a product of which a slice is taken and then made a scalar.
+    let place =
+        b.constant(&Tensor { element: Element::INT64, shape: Vec::new(), values: vec![place as f64] })?;
+    b.node("Gather", &[&flat, &place], vec![int("axis", 0)])
+}
+
+/// The greatest number of a value.
+fn greatest(b: &mut Builder, value: &str) -> Result<String> {
+    let flat = b.reshape(value, &[count_of(b, value)?])?;
+    // Without axes, all of them are reduced.
+    b.node("ReduceMax", &[&flat], vec![int("keepdims", 0)])
+}
+
 fn count_of(b: &Builder, value: &str) -> Result<usize> {
     Ok(b.shape(value)?.iter().product())
 }
 
 /// The words for help texts: a line for each form of a term.
 pub fn help() -> String {
-    let forms =
-        [("VALUE", "its only number"), ("VALUE[PLACE]", "the number at this place, in row-major order")];
+    let forms = [
+        ("VALUE", "its only number"),
+        ("VALUE[PLACE]", "the number at this place, in row-major order"),
+        ("VALUE[PLACE,PLACE]", "the number at this place on each axis; * takes the greatest along one"),
+    ];
     let measures = MEASURES.iter().map(|(name, _, meaning)| (format!("{name}(VALUE)"), *meaning));
     let forms = forms.iter().map(|(form, meaning)| ((*form).to_owned(), *meaning)).chain(measures);
     forms.map(|(form, meaning)| format!("  {form:<22} {meaning}\n")).collect()
@@ -323,8 +383,13 @@ impl fmt::Display for Objective {
                 write!(f, "{} * ", factor.abs())?;
             }
             match measure {
-                Measure::Element(None) => write!(f, "{value}")?,
-                Measure::Element(Some(place)) => write!(f, "{value}[{place}]")?,
+                Measure::Only => write!(f, "{value}")?,
+                Measure::At(place) => write!(f, "{value}[{place}]")?,
+                Measure::On(places) => {
+                    let place =
+                        |place: &Option<usize>| place.map_or("*".to_owned(), |place| place.to_string());
+                    write!(f, "{value}[{}]", places.iter().map(place).collect::<Vec<_>>().join(","))?;
+                }
                 measure => {
                     let word =
                         MEASURES.iter().find(|(_, known, _)| known == measure).map_or("", |(name, ..)| name);
@@ -339,7 +404,6 @@ impl fmt::Display for Objective {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tensor::Tensor;
     use crate::testing::{OPSETS, Sketch, differences, numbers, relative_error};
 
     fn graph(opset: i64) -> Graph {
@@ -401,6 +465,10 @@ mod tests {
                 "squared_error(steering:0)",
                 "absolute_error(a-b)",
                 "cross_entropy(scores)",
+                "max(scores)",
+                "scores[1,2]",
+                "scores[1,*]",
+                "scores[*,3] - scores[*,*]",
                 "- steering:0[0] + 0.5 * mean(a-b) - 2 * sum(scores)",
                 "squared_error(steering:0) + cross_entropy(scores)",
             ] {
@@ -450,11 +518,31 @@ mod tests {
         for (text, part) in [
             ("scores", "has 8 numbers; name one, such as scores[0]"),
             ("scores[8]", "from scores[0] to scores[7]"),
+            ("scores[0,4]", "has the shape (2, 4); give a place on each axis"),
+            ("scores[0,*,0]", "has the shape (2, 4); give a place on each axis"),
         ] {
             let objective = Objective::parse(text, &graph).unwrap();
             let error = objective.gradients(&graph, &["x"]).err().unwrap().to_string();
             assert!(error.contains(part), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn the_graph_of_a_number_has_it_as_its_only_output() {
+        let graph = graph(13);
+        let x = Tensor::floats(&[2, 3], numbers(5, 6));
+        let computed = |text: &str| {
+            let built = Graph::new(Objective::parse(text, &graph)?.graph(&graph)?)?;
+            assert_eq!(built.outputs(), [OBJECTIVE]);
+            Ok::<_, Error>(built.evaluate(&[("x", &x)], &[OBJECTIVE])?[0].values[0])
+        };
+        let scores = graph.evaluate(&[("x", &x)], &["scores"]).unwrap()[0].values.clone();
+        let greatest = |values: &[f64]| values.iter().copied().fold(f64::MIN, f64::max);
+        assert_eq!(computed("scores[1,2]").unwrap(), scores[6]);
+        assert_eq!(computed("scores[1,*]").unwrap(), greatest(&scores[4..]));
+        assert_eq!(computed("max(scores)").unwrap(), greatest(&scores));
+        let loss = computed("mean(scores) + squared_error(a-b)").unwrap_err().to_string();
+        assert!(loss.contains("is a loss, which needs a target"), "{loss}");
     }
 
     #[test]

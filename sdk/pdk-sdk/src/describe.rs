@@ -99,7 +99,7 @@ pub enum Role {
     Network,
     /// The layer of a network of which maps are made, by its name.
     Layer,
-    /// Which of a driver's numbers a map explains: `steering` or `throttle`.
+    /// Which of a network's numbers a map explains: `steering`, `throttle`, or another one that it computes.
     Explained,
     /// How fine a map is: `layer` for a number for each cell of the network's layer, `frame` for one for each pixel.
     Resolution,

@@ -678,6 +678,11 @@ def fgsm(
     norm: Literal["linf", "l2"] | None = None,
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
+    expectation: int | None = None,
+    shift: float | None = None,
+    blur: float | None = None,
+    brightness: float | None = None,
+    noise: float | None = None,
     model: str | PathLike[str] | None = None,
     engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
@@ -718,6 +723,16 @@ def fgsm(
         further; left; right; or to `target` (default "away").
     target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
         to 1; default 0.0).
+    expectation: over how many drawn changes of a frame the steering and its gradient are averaged, so that the
+        attack survives such changes; with 0 the network sees the frame as it is (0 to 1000; default 0).
+    shift: how far a drawn change moves the frame at most along each axis, rounded down, with `expectation` above 0
+        (pixels; 0 to 100; default 2.0).
+    blur: the largest standard deviation of the Gaussian blur of a drawn change, with `expectation` above 0 (pixels;
+        0 to 20; default 1.0).
+    brightness: by which share a drawn change makes all values greater or smaller at most, with `expectation` above
+        0 (0 to 1; default 0.2).
+    noise: the standard deviation of the noise of a drawn change, with `expectation` above 0 (grey levels of 255; 0
+        to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
     engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
@@ -769,7 +784,8 @@ def fgsm(
         number); left out: as the file beside the model says, or the second output or number, or 0.3.
     speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
         (m/s; 0 to 100; default 8.0).
-    Source: Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015.
+    Source: Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015; `expectation`: Athalye et al.,
+        Synthesizing Robust Adversarial Examples, 2018.
     Not part of the default set.
     """
 
@@ -1922,6 +1938,11 @@ def pgd(
     random_start: bool | None = None,
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
+    expectation: int | None = None,
+    shift: float | None = None,
+    blur: float | None = None,
+    brightness: float | None = None,
+    noise: float | None = None,
     model: str | PathLike[str] | None = None,
     engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
@@ -1967,6 +1988,16 @@ def pgd(
         further; left; right; or to `target` (default "away").
     target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
         to 1; default 0.0).
+    expectation: over how many drawn changes of a frame the steering and its gradient are averaged, so that the
+        attack survives such changes; with 0 the network sees the frame as it is (0 to 1000; default 0).
+    shift: how far a drawn change moves the frame at most along each axis, rounded down, with `expectation` above 0
+        (pixels; 0 to 100; default 2.0).
+    blur: the largest standard deviation of the Gaussian blur of a drawn change, with `expectation` above 0 (pixels;
+        0 to 20; default 1.0).
+    brightness: by which share a drawn change makes all values greater or smaller at most, with `expectation` above
+        0 (0 to 1; default 0.2).
+    noise: the standard deviation of the noise of a drawn change, with `expectation` above 0 (grey levels of 255; 0
+        to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
     engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
@@ -2018,7 +2049,8 @@ def pgd(
         number); left out: as the file beside the model says, or the second output or number, or 0.3.
     speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
         (m/s; 0 to 100; default 8.0).
-    Source: Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018.
+    Source: Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018; `expectation`:
+        Athalye et al., Synthesizing Robust Adversarial Examples, 2018.
     Not part of the default set.
     """
 

@@ -10,6 +10,7 @@ mod gradient;
 mod masks;
 mod networks;
 mod offline;
+mod perturb;
 mod pixel_tasks;
 mod rewritten;
 mod saliency;

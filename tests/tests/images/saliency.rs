@@ -236,12 +236,15 @@ fn mistakes_are_sentences() {
         .fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
     saliency("dave2", &["--with", "hirescam,steering=angle"])
         .fail(1, &["the parameters: `steering` names the output `angle`, which the network does not have; there is only `control`"]);
-    let explained = saliency("dave2", &["--explain", "brake"]).run();
-    assert!(
-        explained.code == Some(2) && explained.stderr.contains("steering, throttle"),
-        "{}",
-        explained.stderr
+    saliency("dave2", &["--explain", "brake"]).fail(
+        1,
+        &[
+            "explain: `brake`: there is no value `brake`",
+            "`steering` and `throttle` are known by these names",
+        ],
     );
+    saliency("dave2", &["--explain", "throttle", "--curves"])
+        .fail(1, &["--curves measures how the steering changes"]);
     saliency("dave2", &["--with", "hirescam,size=frame"]).fail(1, &["`size` cannot be set"]);
     saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "there is no such file"]);
     saliency("missing_driver", &[]).fail(1, &["missing_driver"]);

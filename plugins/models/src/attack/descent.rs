@@ -3,12 +3,13 @@
 use pdk_sdk::prelude::*;
 
 use super::ball::{Ball, Norm};
+use super::expectation::Expectation;
 use super::goal::Goal;
 use super::network::Attacked;
 
 /// An attack along the gradient: projected gradient descent, of which a single step is the fast gradient method.
 pub struct Descent {
-    network: Attacked,
+    network: Expectation,
     goal: Goal,
     norm: Norm,
     change: Vec<f32>,
@@ -40,7 +41,7 @@ impl Descent {
     /// If it cannot be attacked along its gradient.
     pub fn open(config: &Config) -> Result<Self> {
         Ok(Self {
-            network: Attacked::open(config, true)?,
+            network: Expectation::of(config, Attacked::open(config, true)?),
             goal: Goal::of(config),
             norm: Norm::of(config),
             change: Vec::new(),
@@ -49,8 +50,8 @@ impl Descent {
         })
     }
 
-    /// Writes the frame that serves best of all that were tried, the one as it is among them. The network sees them in whole bytes, as the driver does;
-    /// what the steps add up to is not rounded.
+    /// Writes the frame that serves best of all that were tried, the one as it is among them. The network sees them in whole bytes, as the driver does,
+    /// and behind the changes that are drawn for the frame, if there are any; what the steps add up to is not rounded.
     ///
     /// # Errors
     /// If the network fails.
@@ -67,7 +68,8 @@ impl Descent {
             dst.copy_from(src);
             return Ok(());
         }
-        self.network.move_at(cx.speed);
+        let mut random = cx.frame_random();
+        self.network.start(width, height, cx.speed, &mut random);
         self.tried.resize(width, height);
         self.best.frame.resize(width, height);
         self.best.frame.as_mut().copy_from(src);
@@ -77,7 +79,7 @@ impl Descent {
             self.change.clear();
             self.change.resize(width * height * 3, 0.0);
             if way.drawn {
-                ball.draw(&mut cx.frame_random(), &mut self.change);
+                ball.draw(&mut random.clone(), &mut self.change);
                 ball.keep(&mut self.change, src);
             }
             for step in 0..way.steps {

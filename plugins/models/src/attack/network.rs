@@ -55,8 +55,8 @@ impl Attacked {
         let viewer = Viewer::open(config).map_err(place)?;
         let backward = match with_gradient {
             true => {
-                let Viewer { model, eye, drives, engine, .. } = &viewer;
-                let backward = Backward::of(&model.source, &model.plan, eye, &drives.steering, engine);
+                let Viewer { model, eye, engine, .. } = &viewer;
+                let backward = Backward::of(&model.source, &model.plan, eye, viewer.explained(), engine);
                 Some(backward.map_err(|error| {
                     place(Error::new(format!(
                         "{error}; use the perturbation square_attack, which needs none"

@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
 use crate::attack::descent::{Descent, Way};
-use crate::attack::{ball, goal, network};
+use crate::attack::{ball, expectation, goal, network};
 
 /// One step, as long as the change may be.
 const WAY: Way = Way { steps: 1, share: 1.0, drawn: false };
@@ -25,8 +25,9 @@ impl Component for Fgsm {
         .keeps_geometry()
         .example(json!({"model": "dave2"}))
         .mathematics("v + epsilon sign(g), g the gradient of the steering towards the goal; with l2 v + epsilon sqrt(n) g / |g|")
-        .source("Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015");
-        network::parameters(goal::parameters(ball::parameters(description)))
+        .source("Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015; `expectation`: Athalye et al., Synthesizing Robust Adversarial Examples, 2018")
+        .drawn_per_frame("with `expectation`, the changes over which the gradient is averaged");
+        network::parameters(expectation::parameters(goal::parameters(ball::parameters(description))))
     }
 
     fn new(config: &Config) -> Result<Self> {

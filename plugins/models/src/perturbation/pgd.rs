@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
 use crate::attack::descent::{Descent, Way};
-use crate::attack::{ball, goal, network};
+use crate::attack::{ball, expectation, goal, network};
 
 /// Attacks with several steps.
 pub struct Pgd {
@@ -23,8 +23,8 @@ impl Component for Pgd {
         .keeps_geometry()
         .example(json!({"model": "dave2", "goal": "left", "steps": 2}))
         .mathematics("v' = P(v' + step epsilon sign(g(v'))), repeated; P takes back to the ball around v, g is the gradient of the steering towards the goal")
-        .source("Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018")
-        .drawn_per_frame("the change that the steps start from");
+        .source("Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018; `expectation`: Athalye et al., Synthesizing Robust Adversarial Examples, 2018")
+        .drawn_per_frame("the change that the steps start from, and with `expectation` the changes over which the gradient is averaged");
         let description = ball::parameters(description)
             .parameter(
                 Parameter::integer(
@@ -43,7 +43,7 @@ impl Component for Pgd {
                 true,
                 "whether the steps start at a change that is drawn for each frame, and not at the frame as it is",
             ));
-        network::parameters(goal::parameters(description))
+        network::parameters(expectation::parameters(goal::parameters(description)))
     }
 
     fn new(config: &Config) -> Result<Self> {

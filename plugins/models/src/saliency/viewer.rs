@@ -1,9 +1,10 @@
-//! A model as saliency methods and attacks see it: frames in, steering or throttle out.
+//! A model as saliency methods and attacks see it: frames in, a number out.
 
 use pdk_network::outputs::Source as Number;
 use pdk_network::region::Part;
-use pdk_network::{Eye, Given, Inputs, Outputs, field};
-use pdk_onnx::Target;
+use pdk_network::{Eye, Given, Inputs, field};
+use pdk_onnx::objective::{OBJECTIVE, Objective};
+use pdk_onnx::{Target, model};
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
@@ -12,7 +13,7 @@ use crate::engine;
 use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
 
-/// A model whose output is explained, the steering unless the parameter `explain` says otherwise. One that remembers is asked as at the first frame, when it remembers nothing.
+/// A model of which a number is explained, the steering unless the parameter `explain` says otherwise. One that remembers is asked as at the first frame, when it remembers nothing.
 pub struct Viewer {
     /// The file and who runs it, for messages.
     pub place: String,
@@ -20,9 +21,7 @@ pub struct Viewer {
     pub engine: String,
     session: Box<dyn Session>,
     pub eye: Eye,
-    pub drives: Outputs,
-    /// Whether the throttle is explained, and not the steering.
-    throttle: bool,
+    explained: Explained,
     /// The speed that goes into the network, and the one that stands in for it if it is not known.
     speed: f64,
     assumed_speed: f64,
@@ -30,11 +29,25 @@ pub struct Viewer {
     outputs: Vec<Vec<f32>>,
 }
 
+/// What is explained.
+struct Explained {
+    /// What messages call it.
+    name: String,
+    /// Where it comes from.
+    number: Number,
+    /// All numbers that drive, or this one if the network does not drive.
+    all: Vec<Number>,
+}
+
 /// What a method takes that explains one number.
 pub fn parameters(description: Description) -> Description {
     common_parameters(description).parameter(
-        Parameter::choice("explain", &["steering", "throttle"], "which number is explained")
-            .role(Role::Explained),
+        Parameter::text(
+            "explain",
+            "which number is explained: `steering`, `throttle`, or any other that the network computes, in the words of `pdk gradient --of`: `scores[17]` for \
+             a class, `boxes[0,4,*]` for the greatest of a row, `max(scores)`; left out, the steering",
+        )
+        .role(Role::Explained),
     )
 }
 
@@ -79,22 +92,26 @@ impl Viewer {
                 given
             }
         };
-        let model = ModelFile::read(source, given)?;
+        let mut model = ModelFile::read(source, given)?;
+        let name = match config.text("explain") {
+            "" => "steering",
+            given => given,
+        };
+        let drives = ["steering", "throttle"].contains(&name);
+        if !drives {
+            compute_only(name, &mut model)?;
+        }
         let engine = config.text(engine::PARAMETER).to_owned();
         let mut session = engine::open(&model.network(), &engine)?;
         let speed = config.number("speed");
-        let drives = model.try_out(&mut *session, speed)?;
-        let throttle = config.text("explain") == "throttle";
-        if throttle && drives.throttle.is_none() {
-            return Err(Error::new(
-                "it gives no throttle, so only its steering can be explained; leave `explain` out",
-            ));
-        }
+        let explained = match drives {
+            true => Explained::driving(name, &model, &mut *session, speed)?,
+            false => Explained::of(name, Number::plain(0), Vec::new()),
+        };
         Ok(Self {
             place: format!("model `{}` on {}", config.text("model"), session.engine()),
             eye: Eye::new(&model.plan),
-            drives,
-            throttle,
+            explained,
             engine,
             session,
             speed,
@@ -116,11 +133,8 @@ impl Viewer {
     }
 
     /// Where the number that is explained comes from.
-    fn explained(&self) -> &Number {
-        match &self.drives.throttle {
-            Some(throttle) if self.throttle => throttle,
-            _ => &self.drives.steering,
-        }
+    pub fn explained(&self) -> &Number {
+        &self.explained.number
     }
 
     /// The name of the output that the explained number comes from.
@@ -141,16 +155,12 @@ impl Viewer {
         self.explained().is_reversed()
     }
 
-    /// All numbers that drive: steering, and throttle if the network gives one.
+    /// All numbers that drive: steering, and throttle if the network gives one. Of a network that does not drive, the number that is explained.
     ///
     /// # Errors
     /// As for [`Self::target`].
     pub fn driving(&self) -> Result<Vec<Target<'_>>> {
-        [&self.drives.steering]
-            .into_iter()
-            .chain(&self.drives.throttle)
-            .map(|number| self.target_of(number))
-            .collect()
+        self.explained.all.iter().map(|number| self.target_of(number)).collect()
     }
 
     fn target_of(&self, number: &Number) -> Result<Target<'_>> {
@@ -219,7 +229,49 @@ impl Viewer {
         self.eye.see_first(frame, self.inputs.image());
         self.inputs.move_at(self.speed)?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
-        let [steering, throttle] = self.drives.control(&self.outputs)?;
-        Ok(if self.throttle { throttle } else { steering })
+        let Explained { name, number, .. } = &self.explained;
+        match number.of(&self.outputs[number.output]) {
+            Some(value) if value.is_finite() => Ok(value),
+            Some(value) => Err(Error::of(ErrorKind::Nonsense, format!("its {name} is {value}"))),
+            None => Err(Error::new(format!("it gave no {name}"))),
+        }
     }
+}
+
+impl Explained {
+    fn of(name: &str, number: Number, others: Vec<Number>) -> Self {
+        let all = [number.clone()].into_iter().chain(others).collect();
+        Self { name: name.to_owned(), number, all }
+    }
+
+    /// The steering or the throttle of a network, which is run once.
+    fn driving(name: &str, model: &ModelFile, session: &mut dyn Session, speed: f64) -> Result<Self> {
+        let drives = model.control(&model.sizes(session, speed)?).map_err(|error| {
+            match model.plan.described.steering {
+                Some(_) => error,
+                None => Error::new(format!(
+                    "{error}; if the network does not drive, name the number to explain with `explain`"
+                )),
+            }
+        })?;
+        match (name, drives.throttle) {
+            ("throttle", Some(throttle)) => Ok(Self::of(name, throttle, vec![drives.steering])),
+            ("throttle", None) => Err(Error::new(
+                "it gives no throttle, so only its steering can be explained; leave `explain` out",
+            )),
+            (_, throttle) => Ok(Self::of(name, drives.steering, throttle.into_iter().collect())),
+        }
+    }
+}
+
+/// Leaves a model that computes nothing but one number, in the words of [`Objective`].
+fn compute_only(number: &str, model: &mut ModelFile) -> Result<()> {
+    let graph = model.source.graph()?;
+    let computed =
+        Objective::parse(number, &graph).and_then(|objective| objective.graph(&graph)).map_err(|error| {
+            Error::new(format!("explain: {error}; `steering` and `throttle` are known by these names"))
+        })?;
+    model.source = Source::BuiltIn(model::encode(&computed).into());
+    model.plan.outputs = vec![OBJECTIVE.to_owned()];
+    Ok(())
 }

@@ -1,6 +1,6 @@
-//! `ReduceMean` and `ReduceSum`.
+//! `ReduceSum`, `ReduceMean`, `ReduceMax`, `ReduceMin` and `GlobalMaxPool`.
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
@@ -12,14 +12,32 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new(
         "ReduceSum",
         infer,
-        |site, inputs| reduce(site, inputs, |_| 1.0),
+        |site, inputs| sum(site, inputs, |_| 1.0),
         Rule::First(|s, b, g| spread(s, b, g, |_| 1.0)),
     ),
     Operator::new(
         "ReduceMean",
         infer,
-        |site, inputs| reduce(site, inputs, share),
+        |site, inputs| sum(site, inputs, share),
         Rule::First(|s, b, g| spread(s, b, g, share)),
+    ),
+    Operator::new(
+        "ReduceMax",
+        infer,
+        |site, inputs| extreme(site, inputs, &kept(site)?, 1.0),
+        Rule::First(|s, b, g| to_the_extreme(s, b, g, &kept(s)?, "Less")),
+    ),
+    Operator::new(
+        "ReduceMin",
+        infer,
+        |site, inputs| extreme(site, inputs, &kept(site)?, -1.0),
+        Rule::First(|s, b, g| to_the_extreme(s, b, g, &kept(s)?, "Greater")),
+    ),
+    Operator::new(
+        "GlobalMaxPool",
+        |site| Ok(vec![Fact::new(site.fact(0)?.element, pooled(site)?)]),
+        |site, inputs| extreme(site, inputs, &pooled(site)?, 1.0),
+        Rule::First(|s, b, g| to_the_extreme(s, b, g, &pooled(s)?, "Less")),
     ),
 ];
 
@@ -28,8 +46,8 @@ fn share(count: usize) -> f64 {
     1.0 / count as f64
 }
 
-/// The axes that are summed over.
-fn summed(site: &Site<'_>) -> Result<Vec<usize>> {
+/// The axes that are reduced.
+fn reduced(site: &Site<'_>) -> Result<Vec<usize>> {
     let rank = site.shape(0)?.len();
     match site.ints_at(1, "axes")?.filter(|list| !list.is_empty()) {
         Some(list) => axes(&list, rank),
@@ -38,11 +56,20 @@ fn summed(site: &Site<'_>) -> Result<Vec<usize>> {
     }
 }
 
-/// The shape with the length 1 where it is summed over.
+/// The shape in which reduced axes have the length 1.
 fn kept(site: &Site<'_>) -> Result<Vec<usize>> {
-    let summed = summed(site)?;
+    let reduced = reduced(site)?;
     let dims = site.shape(0)?.iter().enumerate();
-    Ok(dims.map(|(axis, &dim)| if summed.contains(&axis) { 1 } else { dim }).collect())
+    Ok(dims.map(|(axis, &dim)| if reduced.contains(&axis) { 1 } else { dim }).collect())
+}
+
+/// The shape in which all axes behind the channels have the length 1.
+fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
+    let shape = site.shape(0)?;
+    if shape.len() < 3 {
+        return Err(Error::new("its input has no spatial axes"));
+    }
+    Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis < 2 { dim } else { 1 }).collect())
 }
 
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
@@ -50,24 +77,39 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     if site.int("keepdims", 1) != 0 {
         return Ok(vec![Fact::new(fact.element, kept(site)?)]);
     }
-    let summed = summed(site)?;
-    let dims = fact.shape.iter().enumerate().filter(|(axis, _)| !summed.contains(axis));
+    let reduced = reduced(site)?;
+    let dims = fact.shape.iter().enumerate().filter(|(axis, _)| !reduced.contains(axis));
     Ok(vec![Fact::new(fact.element, dims.map(|(_, &dim)| dim).collect())])
 }
 
-fn reduce(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) -> Result<Vec<Tensor>> {
+fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
-    let kept = kept(site)?;
-    let mut sums = Tensor::filled(input.element, &kept, 0.0)?;
+    let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| sum + value)?;
+    let weight = weight(input.values.len() / sums.values.len().max(1));
+    sums.values.iter_mut().for_each(|sum| *sum *= weight);
+    Ok(vec![Tensor { shape: infer(site)?.swap_remove(0).shape, ..sums }])
+}
+
+/// The greatest elements if `sign` is 1, the least ones if it is -1.
+fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], kept: &[usize], sign: f64) -> Result<Vec<Tensor>> {
+    let further =
+        |far: f64, value: f64| if (value - far) * sign > 0.0 || value.is_nan() { value } else { far };
+    let found = fold(given(inputs, 0)?, kept, f64::NEG_INFINITY * sign, further)?;
+    Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..found }])
+}
+
+/// Joins the elements that fall together in a shape whose reduced axes have the length 1.
+fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
+    let mut folded = Tensor::filled(input.element, kept, start)?;
     let mut from = input.values.iter();
     crate::tensor::for_each_position(&input.shape, |at| {
         let index =
             kept.iter().zip(at).fold(0, |index, (&dim, &at)| index * dim + if dim == 1 { 0 } else { at });
-        sums.values[index] += from.next().copied().unwrap_or_default();
+        if let Some(value) = from.next() {
+            folded.values[index] = join(folded.values[index], *value);
+        }
     });
-    let weight = weight(input.values.len() / sums.values.len().max(1));
-    sums.values.iter_mut().for_each(|sum| *sum *= weight);
-    Ok(vec![Tensor { shape: infer(site)?.swap_remove(0).shape, ..sums }])
+    Ok(folded)
 }
 
 fn spread(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -> Result<Parts> {
@@ -78,9 +120,29 @@ fn spread(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -
     Ok(vec![(0, b.spread(&g, shape)?)])
 }
 
+/// The gradient goes to the elements that equal what was found, in equal shares; all others are `beyond` it, by this operator.
+fn to_the_extreme(site: &Site<'_>, b: &mut Builder, g: &str, kept: &[usize], beyond: &str) -> Result<Parts> {
+    let shape = site.shape(0)?;
+    let found = b.reshape(site.output(0)?, kept)?;
+    let input = site.input(0)?;
+    let found = b.spread(&found, shape)?;
+    // Old versions of Equal do not compare floats.
+    let other = b.mask(beyond, input, &found)?;
+    let equal = b.complement(&other)?;
+    let axes: Vec<_> = (0..shape.len()).filter(|&axis| kept[axis] != shape[axis]).collect();
+    let count = b.sum(&equal, &axes)?;
+    let g = b.reshape(g, kept)?;
+    let g = b.binary("Div", &g, &count)?;
+    let g = b.spread(&g, shape)?;
+    Ok(vec![(0, b.mul(&equal, &g)?)])
+}
+
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::gradient::{Target, gradients};
+    use crate::graph::Graph;
+    use crate::tensor::Tensor;
+    use crate::testing::{Sketch, check};
 
     #[test]
     fn gradients_are_spread_over_what_was_summed() {
@@ -88,6 +150,34 @@ mod tests {
             for case in ["", "/axes", "/dropped", "/last"] {
                 check(&format!("{operator}{case}"));
             }
+        }
+    }
+
+    #[test]
+    fn gradients_go_to_the_greatest_or_the_least() {
+        for operator in ["reduce_max", "reduce_min"] {
+            for case in ["", "/axes", "/dropped", "/last"] {
+                check(&format!("{operator}{case}"));
+            }
+        }
+        check("global_max_pool");
+    }
+
+    #[test]
+    fn equal_elements_share_the_gradient() {
+        for (operator, values, expected) in [
+            ("ReduceMax", [2.0, -1.0, 2.0, 0.0], [0.5, 0.0, 0.5, 0.0]),
+            ("ReduceMin", [2.0, -1.0, 2.0, -1.0], [0.0, 0.5, 0.0, 0.5]),
+        ] {
+            let mut sketch = Sketch::new(13);
+            sketch.input("x", &[1, 4]);
+            sketch.node(operator, &["x"], "y", &[]);
+            let graph = Graph::new(sketch.model(&["y"])).unwrap();
+            let built = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]).unwrap();
+            let x = Tensor::floats(&[1, 4], values.to_vec());
+            let found =
+                Graph::new(built.model).unwrap().evaluate(&[("x", &x)], &[&built.outputs[0]]).unwrap();
+            assert_eq!(found[0].values, expected, "{operator}");
         }
     }
 }

@@ -411,6 +411,7 @@ pub const CASES: &[Case] = &[
         )
     }),
     case("global_average_pool", ALL, IMAGE, UNIT, |s| unary(s, "GlobalAveragePool")),
+    case("global_max_pool", ALL, IMAGE, UNIT, |s| unary(s, "GlobalMaxPool")),
     case("where", 9..=22, IMAGE, UNIT, |s| {
         condition(s);
         let w = s.drawn(&[6], -1.0, 1.0);
@@ -497,6 +498,26 @@ pub const CASES: &[Case] = &[
     }),
     case("reduce_mean/last", 11..=22, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMean", "x", "y", ("axes", &[-1]), &[])
+    }),
+    case("reduce_max", ALL, IMAGE, UNIT, |s| unary(s, "ReduceMax")),
+    case("reduce_max/axes", ALL, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMax", "x", "y", ("axes", &[1, 3]), &[])
+    }),
+    case("reduce_max/dropped", ALL, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMax", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
+    }),
+    case("reduce_max/last", 11..=22, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMax", "x", "y", ("axes", &[-1]), &[])
+    }),
+    case("reduce_min", ALL, IMAGE, UNIT, |s| unary(s, "ReduceMin")),
+    case("reduce_min/axes", ALL, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[1, 3]), &[])
+    }),
+    case("reduce_min/dropped", ALL, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
+    }),
+    case("reduce_min/last", 11..=22, IMAGE, UNIT, |s| {
+        s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[-1]), &[])
     }),
     case("softmax", ALL, IMAGE, UNIT, |s| unary(s, "Softmax")),
     case("softmax/axis", 13..=22, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),

@@ -140,10 +140,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     let others: String = others.iter().map(|(name, count)| format!(", {count} {name}")).collect();
     println!("{}: {read_as}, {pictures} pictures{others}", arguments.dataset);
+    let conditions = match conditions.len() {
+        1 => "1 condition".to_owned(),
+        count => format!("{count} conditions"),
+    };
     println!(
-        "{}: {} conditions, {written} files written, {there} were there; {rate:.0} pictures a second",
-        arguments.output.display(),
-        conditions.len()
+        "{}: {conditions}, {written} files written, {there} were there; {rate:.0} pictures a second",
+        arguments.output.display()
     );
     Ok(())
 }

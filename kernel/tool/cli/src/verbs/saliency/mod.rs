@@ -29,6 +29,9 @@ use super::{Global, print_json};
 use frames::Frames;
 use shown::Shown;
 
+/// What is explained unless something else is named.
+const STEERING: &str = "steering";
+
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -46,8 +49,9 @@ pub struct Arguments {
     /// Write the numbers in the size of the frame instead of one for each cell of the layer
     #[arg(long)]
     full: bool,
-    /// Which number of the network is explained, by methods that explain one
-    #[arg(long, value_parser = ["steering", "throttle"], default_value = "steering")]
+    /// Which number of the network is explained, by methods that explain one: steering, throttle, or any other in the words of `pdk gradient
+    /// --of`, such as scores[17] for a class or boxes[0,4,*] for the greatest of a row
+    #[arg(long, value_name = "NUMBER", default_value = STEERING)]
     explain: String,
     /// The speed for a network with a speed input, in metres per second; frames of a record have their own
     #[arg(long, default_value_t = 8.0)]
@@ -82,6 +86,12 @@ struct Method {
 
 /// Writes a map for each frame and method, and a picture of each.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    if arguments.curves && arguments.explain != STEERING {
+        return Err(Error::new(format!(
+            "--curves measures how the steering changes, which says nothing about maps of `{}`; leave one of them out",
+            arguments.explain
+        )));
+    }
     let registry = global.registry()?;
     let driver = ComponentSpec::parse("driver", &arguments.driver)?;
     registry.catalog().check(Kind::Driver, &driver.name, &driver.parameters)?;

@@ -1,0 +1,119 @@
+//! Images: each as if it were the only one, with the number of its frame.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::prelude::FrameBuf;
+use serde_json::json;
+
+use super::{Arguments, STANDARD, check_output, warn};
+use crate::verbs::{Global, print_json};
+
+/// The format on standard output.
+const STREAMED: &str = "image.png";
+/// The quality of JPEG files.
+const QUALITY: u8 = 95;
+
+/// Where the result for each image goes: to the output itself, or into it under the image's name if there are several or it is a folder.
+///
+/// # Errors
+/// If two have the same name, one has none, or a result would replace an image.
+pub fn outputs(inputs: &[PathBuf], output: &Path) -> Result<Vec<PathBuf>> {
+    let streamed = |path: &Path| path.as_os_str() == STANDARD;
+    if let [_] = inputs
+        && (streamed(output) || !output.is_dir())
+    {
+        return Ok(vec![output.to_owned()]);
+    }
+    if streamed(output) {
+        return Err(Error::new(format!(
+            "there are {} images, but standard output takes one; name a folder with -o",
+            inputs.len()
+        )));
+    }
+    if output.is_file() {
+        return Err(Error::new(format!(
+            "there are {} images, but `{}` is a file; name a folder with -o",
+            inputs.len(),
+            output.display()
+        )));
+    }
+    let mut from: HashMap<&std::ffi::OsStr, &Path> = HashMap::new();
+    let mut outputs = Vec::new();
+    for input in inputs {
+        let name = input.file_name().filter(|_| !streamed(input)).ok_or_else(|| {
+            Error::new(format!(
+                "`{}` has no name for its result in the folder `{}`; name a file with -o",
+                input.display(),
+                output.display()
+            ))
+        })?;
+        if let Some(other) = from.insert(name, input) {
+            return Err(Error::new(format!(
+                "`{}` and `{}` have the same name, so one result would replace the other; give them folders of their own, one after the other",
+                other.display(),
+                input.display()
+            )));
+        }
+        let result = output.join(name);
+        check_output(input, &result)?;
+        outputs.push(result);
+    }
+    Ok(outputs)
+}
+
+/// Perturbs each image.
+///
+/// # Errors
+/// If one cannot be read or written, or a perturbation fails.
+pub fn perturb(
+    global: &Global,
+    arguments: &Arguments,
+    outputs: &[PathBuf],
+    specs: &[AppliedPerturbation],
+    mut chain: Chain,
+) -> Result<()> {
+    let several = outputs.len() > 1;
+    let progress = pdk_terminal::progress(global.json || !several, "{pos}/{len} images, {eta} left");
+    progress.set_length(outputs.len() as u64);
+    let mut perturbed = FrameBuf::default();
+    for (number, (input, output)) in (0..).zip(arguments.inputs.iter().zip(outputs)) {
+        let image = read(input)?;
+        perturbed.resize(image.width(), image.height());
+        let moment = Moment::new(arguments.frame.saturating_add(number), arguments.time).alone();
+        chain.apply(image.as_ref(), perturbed.as_mut(), &moment).map_err(|error| match several {
+            true => error.at(format_args!("image `{}`", input.display())),
+            false => error,
+        })?;
+        write(output, &perturbed)?;
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    warn(&chain);
+    if global.json {
+        let specs = specs.iter().map(AppliedPerturbation::to_string).collect::<Vec<_>>();
+        print_json(&json!({ "outputs": outputs, "perturbations": specs, "seed": arguments.seed }))?;
+    }
+    Ok(())
+}
+
+fn read(input: &Path) -> Result<FrameBuf> {
+    if input.as_os_str() != STANDARD {
+        return pdk_image::read(input);
+    }
+    pdk_image::read_from(std::io::stdin().lock()).map_err(|error| error.at("standard input"))
+}
+
+fn write(output: &Path, image: &FrameBuf) -> Result<()> {
+    if output.as_os_str() != STANDARD {
+        return pdk_image::write(output, image.as_ref());
+    }
+    let bytes = pdk_image::encode(Path::new(STREAMED), image.as_ref(), QUALITY)?;
+    let mut out = std::io::stdout().lock();
+    out.write_all(&bytes).and_then(|()| out.flush()).place("standard output")
+}
