@@ -192,24 +192,11 @@ mod tests {
     use crate::project::Target;
 
     #[test]
-    fn every_page_is_in_the_summary_and_every_link_of_a_page_is_laid_out() {
+    fn every_link_of_a_page_is_laid_out() {
         let project = Project::for_target(Target::HERE).unwrap();
         let folder = std::env::temp_dir().join(format!("pdk-site-{}", std::process::id()));
         let mut pages = Pages { root: project.root(), into: folder.join("src"), found: BTreeMap::new() };
-        let summary = pages.lay_out(&fs::read_to_string(project.root().join(SUMMARY)).unwrap()).unwrap();
-        let listed = summary.split("# Further pages").next().unwrap();
-        for part in ["docs", "docs/guide", "docs/simulators", "docs/reference"] {
-            for entry in fs::read_dir(project.root().join(part)).unwrap() {
-                let name = entry.unwrap().file_name().into_string().unwrap();
-                if name.ends_with(".md") && name != "SUMMARY.md" {
-                    let page = page_of(&Path::new(part).join(&name));
-                    assert!(
-                        listed.contains(&format!("]({})", page.display())),
-                        "{SUMMARY} does not name {part}/{name}"
-                    );
-                }
-            }
-        }
+        pages.lay_out(&fs::read_to_string(project.root().join(SUMMARY)).unwrap()).unwrap();
         // A page that another one links to, a picture, and a folder of scripts with a page of its own.
         for file in
             ["index.md", "docs/reference/index.md", "docs/perturbations.jpg", "scripts/examples/index.md"]

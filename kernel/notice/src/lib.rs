@@ -4,6 +4,7 @@
 //! Lines hold what scripts, files and components are called and say. So what a terminal would obey is shown instead.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Mutex, PoisonError};
@@ -39,6 +40,15 @@ pub fn bytes(bytes: &[u8]) {
 /// Writes a line to standard error. If that fails, the failure cannot be reported.
 pub fn error_line(text: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{}", printable(&text.to_string()));
+}
+
+/// Writes a line to standard error, unless this process has written the same one so before.
+pub fn error_line_once(text: fmt::Arguments<'_>) {
+    static WRITTEN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let text = text.to_string();
+    if WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).insert(text.clone()) {
+        error_line(format_args!("{text}"));
+    }
 }
 
 /// A text with its control characters written out, such as `\u{1b}`, and those that change the direction of writing. Line feeds

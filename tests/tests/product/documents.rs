@@ -68,6 +68,25 @@ fn what_the_documents_point_to_is_there() {
     }
 }
 
+#[test]
+fn every_page_is_in_the_contents_of_the_site() {
+    let contents = std::fs::read_to_string(repository().join("docs/SUMMARY.md")).unwrap();
+    for folder in ["docs", "docs/guide", "docs/simulators", "docs/reference"] {
+        for page in std::fs::read_dir(repository().join(folder)).unwrap() {
+            let name = page.unwrap().file_name().into_string().unwrap();
+            let path = Path::new(folder).join(name);
+            let path = path.strip_prefix("docs").unwrap();
+            if path.extension().is_some_and(|ending| ending == "md") && path != Path::new("SUMMARY.md") {
+                assert!(
+                    contents.contains(&format!("]({})", path.display())),
+                    "docs/SUMMARY.md does not name {}",
+                    path.display()
+                );
+            }
+        }
+    }
+}
+
 /// The page of a crate on a package index has no other file of the repository beside it.
 #[test]
 fn the_pages_of_published_crates_link_to_nothing_outside_of_them() {

@@ -50,10 +50,11 @@ impl Components {
         let made = session.make(kind, component)?;
         for (_, assumed) in made.info.iter().filter(|(name, _)| name == ASSUMED) {
             let model = component.parameters.get("model").and_then(Value::as_str).unwrap_or("FILE.onnx");
-            pdk_notice::eprintln!(
+            // A gate has a host for each of its recordings.
+            pdk_notice::error_line_once(format_args!(
                 "pdk: notice: {kind} `{component}` assumes {assumed}, because nothing says otherwise; if that is wrong, describe the network \
                  in a file beside it; `pdk new network {model}` writes one to complete"
-            );
+            ));
         }
         self.made.insert(key, made.clone());
         Ok(made)

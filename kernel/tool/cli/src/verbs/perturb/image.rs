@@ -1,13 +1,12 @@
 //! Images: each as if it were the only one, with the number of its frame.
 
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::FrameBuf;
 use serde_json::json;
 
@@ -114,6 +113,6 @@ fn write(output: &Path, image: &FrameBuf) -> Result<()> {
         return pdk_image::write(output, image.as_ref());
     }
     let bytes = pdk_image::encode(Path::new(STREAMED), image.as_ref(), QUALITY)?;
-    let mut out = std::io::stdout().lock();
-    out.write_all(&bytes).and_then(|()| out.flush()).place("standard output")
+    pdk_notice::bytes(&bytes);
+    Ok(())
 }
