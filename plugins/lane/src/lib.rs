@@ -19,6 +19,7 @@ mod driver;
 mod ends;
 mod field;
 mod ground;
+mod gusts;
 mod labels;
 mod light;
 mod lines;

@@ -574,3 +574,37 @@ fn frames_are_those_of_earlier_versions() {
         ["f9da81cc838a1e5e", "5be2760335357c4d", "3a4d50a3aa1ceeea", "a1a6c846c6998804", "a04dc9ab0702aa70"]
     );
 }
+
+#[test]
+fn a_vehicle_starts_where_and_how_it_is_told() {
+    let start = |parameters: Value| {
+        let mut simulator = lane_with(parameters).unwrap();
+        simulator.reset(&scenario(json!({"angles": [0, 20, -10]}), 4), 0).unwrap()
+    };
+    let middle = start(json!({}));
+    assert_eq!(middle.cross_track_error, 0.0);
+    for offset in [-1.5, 0.75] {
+        let beside = start(json!({"start_offset": offset, "start_heading": 6.0}));
+        assert!((beside.cross_track_error - offset).abs() < 1e-9, "{}", beside.cross_track_error);
+        assert!((beside.heading - middle.heading - 6f64.to_radians()).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn gusts_push_a_vehicle_off_its_lane_in_the_same_way_each_time() {
+    let straight = |gusts: f64, seed: u64| {
+        let mut simulator = lane_with(json!({"gusts": gusts, "initial_speed": 12})).unwrap();
+        let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0, 0]}), seed), 0).unwrap();
+        let mut course = vec![state.cross_track_error];
+        for _ in 0..100 {
+            state = simulator.act(Control { steering: 0.0, throttle: 0.05 }).unwrap();
+            course.push(state.cross_track_error);
+        }
+        course
+    };
+    assert!(straight(0.0, 3).iter().all(|error| error.abs() < 1e-9));
+    let blown = straight(5.0, 3);
+    assert!(blown.iter().any(|error| error.abs() > 0.3), "{blown:?}");
+    assert_eq!(straight(5.0, 3), blown);
+    assert_ne!(straight(5.0, 4), blown);
+}

@@ -53,8 +53,8 @@ impl Vehicle {
     }
 
     /// Moves on by `duration` seconds under a control, whose values are clamped to -1..1, on a road of that `slope` (rise
-    /// over run). The vehicle never gets faster than `speed_limit`, and does not roll backwards.
-    pub fn advance(&mut self, control: Control, duration: f64, slope: f64, speed_limit: f64) {
+    /// over run), in a wind that turns it by `wind` radians per second. The vehicle never gets faster than `speed_limit`, and does not roll backwards.
+    pub fn advance(&mut self, control: Control, duration: f64, slope: f64, speed_limit: f64, wind: f64) {
         let steps = (duration / STEP).ceil().max(1.0);
         let dt = duration / steps;
         let target = control.steering.clamp(-1.0, 1.0) * LARGEST_STEERING_ANGLE;
@@ -70,7 +70,7 @@ impl Vehicle {
             self.speed = (before + (push - drag) * dt).clamp(0.0, speed_limit);
             // Half the turn before the step and half after it keeps circles round.
             let distance = (before + self.speed) / 2.0 * dt;
-            let turned = distance * libm::tan(mean_angle) / WHEELBASE;
+            let turned = distance * libm::tan(mean_angle) / WHEELBASE + wind * dt;
             let along = self.heading + turned / 2.0;
             self.rear[0] += distance * libm::sin(along);
             self.rear[1] += distance * libm::cos(along);
@@ -93,22 +93,32 @@ mod tests {
     #[test]
     fn straight_stays_straight() {
         let mut car = Vehicle::at([3.0, 4.0], 0.0, 8.0);
-        (0..300).for_each(|_| car.advance(control(0.0, 0.3), 1.0 / 30.0, 0.0, 20.0));
+        (0..300).for_each(|_| car.advance(control(0.0, 0.3), 1.0 / 30.0, 0.0, 20.0, 0.0));
         assert_eq!((car.centre()[0], car.heading), (3.0, 0.0));
         assert!(car.centre()[1] > 80.0);
+    }
+
+    #[test]
+    fn wind_turns_a_vehicle_that_is_not_steered() {
+        let mut car = Vehicle::at([0.0, 0.0], 0.0, 10.0);
+        (0..20).for_each(|_| car.advance(control(0.0, 0.0), 0.05, 0.0, 20.0, 0.1));
+        assert!((car.heading - 0.1).abs() < 1e-9, "{}", car.heading);
+        // Half of the angle on average, over the 10 m of the rear axle, and the whole angle from there to the centre.
+        let expected = 0.05 * 10.0 + 0.1 * WHEELBASE / 2.0;
+        assert!((car.centre()[0] - expected).abs() < 0.02, "{} {expected}", car.centre()[0]);
     }
 
     #[test]
     fn the_rear_axle_turns_on_a_circle_of_wheelbase_over_tangent() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 5.0);
         // Until the wheels have reached their angle.
-        (0..30).for_each(|_| car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0));
+        (0..30).for_each(|_| car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0, 0.0));
         assert!((car.steering_angle - 0.5 * LARGEST_STEERING_ANGLE).abs() < 1e-12);
         let radius = WHEELBASE / libm::tan(0.5 * LARGEST_STEERING_ANGLE);
         let middle =
             [car.rear[0] + radius * libm::cos(car.heading), car.rear[1] - radius * libm::sin(car.heading)];
         for _ in 0..200 {
-            car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0);
+            car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0, 0.0);
             let (dx, dz) = (car.rear[0] - middle[0], car.rear[1] - middle[1]);
             assert!(((dx * dx + dz * dz).sqrt() - radius).abs() < 1e-3);
         }
@@ -117,22 +127,22 @@ mod tests {
     #[test]
     fn positive_steering_turns_right_and_the_wheels_need_time() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 5.0);
-        car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0);
+        car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0, 0.0);
         assert!((car.steering_angle - 0.1 * STEERING_RATE).abs() < 1e-12);
-        (0..10).for_each(|_| car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0));
+        (0..10).for_each(|_| car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0, 0.0));
         assert!(car.heading > 0.0 && car.centre()[0] > 0.0);
     }
 
     #[test]
     fn speed_stays_between_zero_and_the_limit() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 0.0);
-        car.advance(control(0.0, -1.0), 1.0, 0.0, 20.0);
+        car.advance(control(0.0, -1.0), 1.0, 0.0, 20.0, 0.0);
         assert_eq!((car.speed, car.centre()), (0.0, [0.0, 0.0]));
-        car.advance(control(0.0, 1.0), 1.0, 0.0, 20.0);
+        car.advance(control(0.0, 1.0), 1.0, 0.0, 20.0, 0.0);
         assert!((car.speed - (ACCELERATION - ROLLING)).abs() < 0.01);
-        car.advance(control(0.0, 9.0), 30.0, 0.0, 12.0);
+        car.advance(control(0.0, 9.0), 30.0, 0.0, 12.0, 0.0);
         assert_eq!(car.speed, 12.0);
-        car.advance(control(0.0, -1.0), 1.0, 0.0, 12.0);
+        car.advance(control(0.0, -1.0), 1.0, 0.0, 12.0, 0.0);
         assert!((12.0 - car.speed - BRAKING - ROLLING).abs() < 0.15);
     }
 
@@ -141,8 +151,8 @@ mod tests {
         let mut coarse = Vehicle::at([0.0, 0.0], 0.3, 8.0);
         let mut fine = coarse;
         for _ in 0..30 {
-            coarse.advance(control(0.4, 0.5), 0.1, 0.0, 20.0);
-            (0..50).for_each(|_| fine.advance(control(0.4, 0.5), 0.002, 0.0, 20.0));
+            coarse.advance(control(0.4, 0.5), 0.1, 0.0, 20.0, 0.0);
+            (0..50).for_each(|_| fine.advance(control(0.4, 0.5), 0.002, 0.0, 20.0, 0.0));
         }
         let (a, b) = (coarse.centre(), fine.centre());
         assert!((a[0] - b[0]).abs() < 1e-3 && (a[1] - b[1]).abs() < 1e-3, "{a:?} {b:?}");
@@ -152,7 +162,7 @@ mod tests {
     fn slopes_pull() {
         let speed = |slope| {
             let mut car = Vehicle::at([0.0, 0.0], 0.0, 8.0);
-            car.advance(control(0.0, 0.0), 1.0, slope, 20.0);
+            car.advance(control(0.0, 0.0), 1.0, slope, 20.0, 0.0);
             car.speed
         };
         assert!((speed(0.0) - speed(0.1) - 0.98).abs() < 0.02 && speed(-0.1) > 8.5);

@@ -6,6 +6,7 @@ use crate::autopilot::Autopilot;
 use crate::camera::{AHEAD_OF_CENTRE, MOUNTING, Projection};
 use crate::conditions::{self, Conditions};
 use crate::delay::Delay;
+use crate::gusts::Gusts;
 use crate::labels::Label;
 use crate::light::Light;
 use crate::parked::Parked;
@@ -36,12 +37,24 @@ pub struct Lane {
     camera: Camera,
     initial_speed: f64,
     speed_limit: f64,
+    start: Start,
+    /// The fastest turn by wind, in radians per second.
+    gusts: f64,
     conditions: Conditions,
     traffic: Wanted,
     autopilot: Option<Autopilot>,
     delay: Delay,
     renderer: Renderer,
     drive: Option<Drive>,
+}
+
+/// Where the vehicle starts, from the middle of the lane.
+#[derive(Clone, Copy)]
+struct Start {
+    /// Metres to the right.
+    offset: f64,
+    /// Radians to the right.
+    heading: f64,
 }
 
 /// A scenario under way.
@@ -52,6 +65,7 @@ struct Drive {
     parked: Parked,
     /// What the camera's noise is drawn by.
     noise: Key,
+    gusts: Gusts,
     vehicle: Vehicle,
     located: Located,
     /// Frames since the start.
@@ -95,6 +109,34 @@ impl Component for Lane {
                 )
                 .range(0.5, 40.0)
                 .unit("m/s"),
+            )
+            .parameter(
+                Parameter::number(
+                    "start_offset",
+                    0.0,
+                    "how far to the right of the middle of the lane the vehicle starts; below 0 to the left",
+                )
+                .range(-1.5, 1.5)
+                .unit("m"),
+            )
+            .parameter(
+                Parameter::number(
+                    "start_heading",
+                    0.0,
+                    "by which angle the vehicle is turned to the right of the road at the start; below 0 to the left",
+                )
+                .range(-20.0, 20.0)
+                .unit("degrees"),
+            )
+            .parameter(
+                Parameter::number(
+                    "gusts",
+                    0.0,
+                    "how fast the strongest gusts of wind from the side turn the vehicle, at 10 m/s or more; 0 for no wind. A gust lasts 1 to 3 s, with 1 to 5 s \
+                     between two",
+                )
+                .range(0.0, 30.0)
+                .unit("degrees/s"),
             )
             .parameter(Parameter::boolean(
                 "autopilot",
@@ -146,10 +188,16 @@ impl Component for Lane {
             .boolean("autopilot")
             .then(|| Autopilot { speed: initial_speed, swing: config.number("autopilot_swing") });
         let delay = Delay::new(conditions.fixed("control_delay"), camera.rate);
+        let start = Start {
+            offset: config.number("start_offset"),
+            heading: config.number("start_heading").to_radians(),
+        };
         Ok(Self {
             camera,
             initial_speed,
             speed_limit,
+            start,
+            gusts: config.number("gusts").to_radians(),
             conditions,
             traffic,
             autopilot,
@@ -210,13 +258,27 @@ impl Simulator for Lane {
         self.delay.reset();
         let noise = pdk_sdk::seed::key(seed, "lane noise", 0);
         let [dx, dz] = road.path.direction(0);
-        let start = road.path.points()[0];
-        let vehicle = Vehicle::at(start, libm::atan2(dx, dz), self.initial_speed);
+        let middle = road.path.points()[0];
+        let Start { offset, heading } = self.start;
+        let start = [middle[0] + offset * dz, middle[1] - offset * dx];
+        let vehicle = Vehicle::at(start, libm::atan2(dx, dz) + heading, self.initial_speed);
+        let gusts = Gusts::new(self.gusts, &pdk_sdk::seed::key(seed, "lane gusts", 0));
         let located = road.path.locate(vehicle.centre(), 0, 1);
         let collided = traffic.collides(0.0, located.along, located.lateral);
         let (frames, farthest) = (0, 0.0);
-        let drive =
-            Drive { road, scene, traffic, parked, noise, vehicle, located, frames, farthest, collided };
+        let drive = Drive {
+            road,
+            scene,
+            traffic,
+            parked,
+            noise,
+            gusts,
+            vehicle,
+            located,
+            frames,
+            farthest,
+            collided,
+        };
         let state = drive.state(self.camera.rate);
         self.drive = Some(drive);
         Ok(state)
@@ -271,9 +333,11 @@ impl Simulator for Lane {
             let gap = drive.traffic.free_distance(before.2, drive.located.along + FRONT);
             autopilot.control(before.2, &drive.vehicle, (&drive.road.path, drive.located), gap)
         });
+        // The wind is the same within a frame.
+        let wind = drive.gusts.turn(before.2 + 0.5 / self.camera.rate, drive.vehicle.speed);
         for (control, share) in self.delay.effective(control) {
             if share > 0.0 {
-                drive.vehicle.advance(control, share / self.camera.rate, slope, self.speed_limit);
+                drive.vehicle.advance(control, share / self.camera.rate, slope, self.speed_limit, wind);
             }
         }
         drive.frames += 1;
