@@ -156,12 +156,16 @@ impl RunDirectory {
     /// If it is damaged.
     pub fn manifest(&self) -> Result<Option<Manifest>> {
         let path = self.path.join(MANIFEST);
-        match path.is_file() {
-            true => Ok(Some(
-                serde_json::from_slice(&fs::read(&path).place(path.display())?).place(path.display())?,
-            )),
-            false => Ok(None),
+        if !path.is_file() {
+            return Ok(None);
         }
+        let text = fs::read(&path).place(path.display())?;
+        serde_json::from_slice(&text).map(Some).map_err(|error| {
+            Error::new(format!(
+                "{} is damaged ({error}); bring it back from a copy, or make the record again",
+                path.display()
+            ))
+        })
     }
 
     /// Makes the folder of a new run in the first of these places where nothing is. Runs that start at the same time get

@@ -100,25 +100,35 @@ pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<Faili
 struct Shares {
     /// The likely one.
     likely: f64,
+    /// The same, or that at the nearest level that was driven if no drive says anything about this one.
+    nearest: f64,
+    /// How many say what the likely one is; none if it is the nearest one.
+    known: f64,
     /// That where whatever no drive says is survived, and where it fails.
     least: f64,
     most: f64,
 }
 
-/// The means of rows of shares, of which each has one for each level.
+/// The means of rows of shares, of which each has one for each level. The likely share is the mean over those rows of which a drive says it, if there are
+/// any: roads that were driven at one level only say nothing about the others.
 fn mean<'a>(rows: impl Iterator<Item = &'a Vec<Shares>>, into: &mut [Shares]) {
     into.fill(Shares::default());
     let mut count = 0.0;
     for row in rows {
         count += 1.0;
         for (sum, shares) in into.iter_mut().zip(row) {
-            sum.likely += shares.likely;
+            sum.likely += shares.likely * shares.known;
+            sum.nearest += shares.nearest;
+            sum.known += shares.known;
             sum.least += shares.least;
             sum.most += shares.most;
         }
     }
     for sum in into {
-        *sum = Shares { likely: sum.likely / count, least: sum.least / count, most: sum.most / count };
+        let nearest = sum.nearest / count;
+        let likely = if sum.known > 0.0 { sum.likely / sum.known } else { nearest };
+        let known = sum.known.min(1.0);
+        *sum = Shares { likely, nearest, known, least: sum.least / count, most: sum.most / count };
     }
 }
 
@@ -155,16 +165,25 @@ fn shares(trials: &[Trial], levels: &[f64]) -> Vec<Shares> {
             (None, None) => 0.0,
         }
     };
+    let is_between = |level: &f64| {
+        driven.first().is_some_and(|(low, _)| low < level)
+            && driven.last().is_some_and(|(high, _)| high > level)
+    };
     let at = |level: &f64| {
         let likely = between(level);
+        let shares = |known: bool, [least, most]: [f64; 2]| Shares {
+            likely,
+            nearest: likely,
+            known: f64::from(u8::from(known)),
+            least,
+            most,
+        };
         if driven.iter().any(|(other, _)| other == level) {
-            return Shares { likely, least: likely, most: likely };
+            return shares(true, [likely; 2]);
         }
         match fails_at(trials, *level) {
-            Some(fails) => {
-                Shares { likely, least: f64::from(u8::from(fails)), most: f64::from(u8::from(fails)) }
-            }
-            None => Shares { likely, least: 0.0, most: 1.0 },
+            Some(fails) => shares(true, [f64::from(u8::from(fails)); 2]),
+            None => shares(is_between(level), [0.0, 1.0]),
         }
     };
     levels.iter().map(at).collect()
@@ -284,6 +303,21 @@ mod tests {
         // A drive at the level counts for more than one beside it.
         let odd = [Trial { level: 1.0, failed: true }, Trial { level: 2.0, failed: false }];
         assert_eq!((fails_at(&odd, 2.0), fails_at(&odd, 3.0)), (Some(false), Some(true)));
+    }
+
+    #[test]
+    fn roads_that_were_driven_at_one_level_say_nothing_about_lower_ones() {
+        let road = |level: f64, failed: bool| vec![vec![Trial { level, failed }]];
+        let all = |at_one: bool, at_three: bool| -> Vec<Vec<Vec<Trial>>> {
+            (0..20)
+                .map(|number| if number % 2 == 0 { road(1.0, at_one) } else { road(3.0, at_three) })
+                .collect()
+        };
+        // All survive level 1, and all fail at level 3.
+        let found = failing_level(&all(false, true), 0.95).unwrap();
+        assert_eq!((found.level, found.low, found.high), (Some(2.0), Some(0.0), Some(3.0)));
+        assert_eq!(failing_level(&all(true, true), 0.95).unwrap().level, Some(1.0));
+        assert_eq!(failing_level(&all(false, false), 0.95).unwrap().level, None);
     }
 
     fn trials(threshold: f64, levels: &[f64]) -> Vec<Trial> {

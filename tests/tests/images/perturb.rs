@@ -42,7 +42,9 @@ fn several_images_come_out_as_each_does_alone_with_the_number_of_its_frame() {
     let [first, third] =
         ["a.png", "c.png"].map(|name| fs::read(folder.path().join("out/deep").join(name)).unwrap());
     assert!(first != third);
-    // One image goes into a folder that is there, too.
+    // One image goes into a folder, too, if it is there or is written as one.
+    perturb(folder.path(), &["in/a.png", "-o", "one/", "--frame", "5"]).succeed();
+    assert!(fs::read(folder.path().join("one/a.png")).unwrap() == first);
     perturb(folder.path(), &["in/a.png", "-o", "out", "--frame", "5"]).succeed();
     assert_eq!(fs::read(folder.path().join("out/a.png")).unwrap(), first);
 }
@@ -87,7 +89,7 @@ fn what_cannot_be_written_for_several_images_is_refused_before_any_work() {
     );
     assert_eq!(
         error(&["in/a.png", "in/b.jpg", "-o", "-"]),
-        "there are 2 images, but standard output takes one; name a folder with -o"
+        "there are 2 images, but `-` is standard output, which takes one; name a folder with -o"
     );
     assert!(
         error(&["in/a.png", "other/a.png", "-o", "out"])
@@ -99,6 +101,12 @@ fn what_cannot_be_written_for_several_images_is_refused_before_any_work() {
     );
     let video = repository().join("docs/examples/drive.mp4").display().to_string();
     let mixed = error(&["in/a.png", &video, "-o", "out"]);
-    assert!(mixed.contains("drive.mp4"), "{mixed}");
-    assert!(!folder.path().join("out/drive.mp4").exists());
+    assert!(mixed.contains("drive.mp4` is a video, which has to be given alone"), "{mixed}");
+    assert!(error(&["in/a.png", "in", "-o", "out"]).contains("`in` is a folder; name the images in it"));
+    assert!(
+        error(&["in/a.png", "in/b.jpg", "-o", "new.png"])
+            .contains("`new.png` is the name of one image; name a folder")
+    );
+    assert!(error(&["in/a.png", "-o", "-", "--json"]).contains("both write to standard output"));
+    assert!(!folder.path().join("out").exists() && !folder.path().join("new.png").exists());
 }

@@ -6,8 +6,10 @@ use std::sync::Arc;
 
 use pdk_components::catalog::Catalog;
 use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame};
+use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Session, Submission, Ticket};
 use serde::Serialize;
@@ -56,6 +58,15 @@ impl Program {
     /// The session, for what is asked besides the scenarios of the run.
     pub fn session(&mut self) -> &mut Session {
         self.host.session()
+    }
+
+    /// Makes sure that a component can be made, before anything is recorded. One that panics or ends its process then is the outcome of the scenarios that
+    /// need it.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn check(&mut self, kind: Kind, component: &ComponentSpec) -> Result<()> {
+        self.host.try_to_make(kind, component).map(drop)
     }
 
     /// Notes the settings of the run, before the first scenario.

@@ -9,6 +9,7 @@ use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_pipeline::program::Program;
 use pdk_pipeline::run::Options;
 use pdk_record::directory::VERDICT;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Submission, Ticket};
 use serde::Serialize;
@@ -189,6 +190,9 @@ impl Conduct {
         let (old, mut told) = Side::find(named[0], program.session())?;
         let (new, more) = Side::find(named[1], program.session())?;
         told.extend(more);
+        for side in [&old, &new] {
+            program.check(Kind::Driver, &side.driver)?;
+        }
         program.settings(json!({"suite": loaded.named(), "old": old.named, "new": new.named}))?;
         let catalog = program.catalog().clone();
         loaded.open(&catalog, &mut |dataset| program.recording(dataset))?;

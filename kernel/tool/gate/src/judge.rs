@@ -57,8 +57,9 @@ pub struct Finding {
     pub said: String,
     /// How many scenarios say something about it.
     pub scenarios: usize,
-    /// In how many of them the old driver failed.
-    pub old_failed: usize,
+    /// In how many of them the old driver failed; none if the new one alone was driven in them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub old_failed: Option<usize>,
     /// In how many of them the new driver failed.
     pub new_failed: usize,
     /// The figures of a test.
@@ -101,7 +102,7 @@ struct Check {
     title: String,
     rule: Rule,
     scenarios: usize,
-    old_failed: usize,
+    old_failed: Option<usize>,
     new_failed: usize,
     /// None as long as it is open.
     state: Option<State>,
@@ -159,7 +160,7 @@ impl Judge {
                 title,
                 rule,
                 scenarios: 0,
-                old_failed: 0,
+                old_failed: None,
                 new_failed: 0,
                 state: None,
             }));
@@ -281,7 +282,9 @@ impl Check {
             return;
         }
         self.scenarios += 1;
-        self.old_failed += usize::from(old);
+        if seen.old.is_some() {
+            *self.old_failed.get_or_insert(0) += usize::from(old);
+        }
         self.new_failed += usize::from(new);
         self.state = match &mut self.rule {
             Rule::Test(test) => test.look(f64::from(u8::from(new)) - f64::from(u8::from(old)), step.place),

@@ -44,7 +44,7 @@ fn cells(finding: &Finding) -> [String; 6] {
     [
         finding.state.text().to_owned(),
         finding.scenarios.to_string(),
-        share(finding.old_failed),
+        finding.old_failed.map(share).unwrap_or_default(),
         share(finding.new_failed),
         difference.unwrap_or_default(),
         finding.said.clone(),

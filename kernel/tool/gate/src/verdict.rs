@@ -191,8 +191,14 @@ impl Verdict {
                 )));
             }
         }
-        serde_json::from_value(value)
-            .map_err(|error| Error::new(format!("{shown} is not a verdict of `pdk gate` ({error})")))
+        let verdict: Self = serde_json::from_value(value.clone())
+            .map_err(|error| Error::new(format!("{shown} is not a verdict of `pdk gate` ({error})")))?;
+        match serde_json::to_value(&verdict)? == value {
+            true => Ok(verdict),
+            false => Err(Error::new(format!(
+                "{shown} holds something that a verdict does not have, so its root says nothing about that; use the file as `pdk gate` wrote it"
+            ))),
+        }
     }
 
     /// What is wrong with a verdict in itself, or with what it says of a suite: its root, which scenarios it has, and what follows from

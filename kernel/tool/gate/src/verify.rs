@@ -115,6 +115,22 @@ pub fn verify(
         let wrong = |share: f64| (libm::ceil(share * entries as f64) as usize).max(1);
         SHARES.iter().map(|share| (*share, probes::found(entries, wrong(*share), count))).collect()
     };
+    let named = |content: &String| {
+        [Role::Old, Role::New]
+            .iter()
+            .any(|role| verdict.driver(*role).files.values().any(|known| known == content))
+    };
+    for file in &wanted.files {
+        if !named(&hash::of(file)?) {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "--file {} has the content of none of the files that the verdict names; leave it out",
+                    file.display()
+                ),
+            ));
+        }
+    }
     let mut drivers = BTreeMap::new();
     for role in [Role::Old, Role::New] {
         drivers.insert(role, located(verdict, role, &wanted.files)?);

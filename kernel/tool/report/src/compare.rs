@@ -85,7 +85,9 @@ pub fn comparison<'a>(base: &'a Drive, other: &'a Drive) -> Option<Comparison> {
     let (outcomes, only_other, only_base) = outcomes(base, other);
     let overlay = |(a, b): &(&Scenario, &Scenario)| {
         let centre = drive_road(base, a).or_else(|| drive_road(other, b))?;
-        road::overlay(centre, &[(*a, COLORS[0]), (*b, COLORS[1])], &a.name)
+        // As the one that failed is called.
+        let name = if a.verdict.failed() { &a.name } else { &b.name };
+        road::overlay(centre, &[(*a, COLORS[0]), (*b, COLORS[1])], name)
     };
     // As many of each kind, as far as there are.
     let shown = only_other.iter().take(OVERLAYS / 2).chain(only_base.iter().take(OVERLAYS / 2));

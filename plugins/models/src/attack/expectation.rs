@@ -8,6 +8,9 @@ use pdk_sdk::prelude::*;
 
 use super::network::Attacked;
 
+/// The option by which the mean is taken over changes.
+const CHANGES: &str = "changes";
+
 /// How far a drawn change goes at most.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
@@ -41,18 +44,19 @@ struct Change {
 /// Adds the parameters that say over what the mean is taken.
 pub fn parameters(description: Description) -> Description {
     let limit = |name: &str, default: f64, most: f64, unit: &str, doc: &str| {
-        let doc = format!("{doc}, with `expectation` above 0");
-        Parameter::number(name, default, &doc).range(0.0, most).unit(unit)
+        Parameter::number(name, default, doc).range(0.0, most).unit(unit).only_for("expectation", CHANGES)
     };
     description
+        .parameter(Parameter::choice(
+            "expectation",
+            &["none", CHANGES],
+            "over what the steering and its gradient are averaged: over nothing, so that the network sees the frame as it is, or over drawn changes of it, so that \
+             the attack survives such changes",
+        ))
         .parameter(
-            Parameter::integer(
-                "expectation",
-                0,
-                "over how many drawn changes of a frame the steering and its gradient are averaged, so that the attack survives such changes; with 0 the \
-                 network sees the frame as it is",
-            )
-            .range(0.0, 1000.0),
+            Parameter::integer("changes", 8, "over how many drawn changes of a frame the mean is taken")
+                .range(1.0, 1000.0)
+                .only_for("expectation", CHANGES),
         )
         .parameter(limit("shift", 2.0, 100.0, "pixels", "how far a drawn change moves the frame at most along each axis, rounded down"))
         .parameter(limit("blur", 1.0, 20.0, "pixels", "the largest standard deviation of the Gaussian blur of a drawn change"))
@@ -65,7 +69,8 @@ impl Expectation {
     pub fn of(config: &Config, network: Attacked) -> Self {
         Self {
             network,
-            draws: config.integer("expectation") as usize,
+            // 0 if they have no effect.
+            draws: config.integer("changes") as usize,
             limits: Limits {
                 shift: config.number("shift") as i64,
                 blur: config.number("blur"),

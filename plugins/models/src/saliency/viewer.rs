@@ -29,6 +29,9 @@ pub struct Viewer {
     outputs: Vec<Vec<f32>>,
 }
 
+/// The parameter that names what is explained.
+const EXPLAIN: &str = "explain";
+
 /// What is explained.
 struct Explained {
     /// What messages call it.
@@ -43,7 +46,7 @@ struct Explained {
 pub fn parameters(description: Description) -> Description {
     common_parameters(description).parameter(
         Parameter::text(
-            "explain",
+            EXPLAIN,
             "which number is explained: `steering`, `throttle`, or any other that the network computes, in the words of `pdk gradient --of`: `scores[17]` for \
              a class, `boxes[0,4,*]` for the greatest of a row, `max(scores)`; left out, the steering",
         )
@@ -93,7 +96,7 @@ impl Viewer {
             }
         };
         let mut model = ModelFile::read(source, given)?;
-        let name = match config.text("explain") {
+        let name = match config.text(EXPLAIN) {
             "" => "steering",
             given => given,
         };
@@ -105,7 +108,7 @@ impl Viewer {
         let mut session = engine::open(&model.network(), &engine)?;
         let speed = config.number("speed");
         let explained = match drives {
-            true => Explained::driving(name, &model, &mut *session, speed)?,
+            true => Explained::driving(name, &model, &mut *session, config)?,
             false => Explained::of(name, Number::plain(0), Vec::new()),
         };
         Ok(Self {
@@ -245,13 +248,15 @@ impl Explained {
     }
 
     /// The steering or the throttle of a network, which is run once.
-    fn driving(name: &str, model: &ModelFile, session: &mut dyn Session, speed: f64) -> Result<Self> {
-        let drives = model.control(&model.sizes(session, speed)?).map_err(|error| {
-            match model.plan.described.steering {
-                Some(_) => error,
-                None => Error::new(format!(
-                    "{error}; if the network does not drive, name the number to explain with `explain`"
+    fn driving(name: &str, model: &ModelFile, session: &mut dyn Session, config: &Config) -> Result<Self> {
+        let drives = model.control(&model.sizes(session, config.number("speed"))?).map_err(|error| {
+            // Attacks, and methods that explain all numbers together, have no such parameter.
+            let can_name_another = config.values().contains_key(EXPLAIN);
+            match model.plan.described.steering.is_none() && can_name_another {
+                true => Error::new(format!(
+                    "{error}; if the network does not drive, name the number to explain with `{EXPLAIN}`"
                 )),
+                false => error,
             }
         })?;
         match (name, drives.throttle) {

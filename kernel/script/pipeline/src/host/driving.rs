@@ -159,7 +159,7 @@ impl Host {
     }
 
     /// As [`make`](Self::make), for a scenario.
-    fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+    pub(crate) fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
         self.components.try_to_make(&mut self.session, kind, component)
     }
 

@@ -49,6 +49,40 @@ pub struct Arguments {
     settings: ToolSettings,
 }
 
+impl Arguments {
+    /// Finds out before anything is driven whether results can be written to where they are to go.
+    fn check_outputs(&self) -> Result<()> {
+        if let Some(path) = &self.save_suite {
+            super::suite::name_of(path)?;
+        }
+        let files = [&self.verdict, &self.markdown, &self.junit, &self.save_suite];
+        for path in files.into_iter().flatten() {
+            check_writable(path).place(format_args!("cannot write {}", path.display()))?;
+        }
+        match &self.clips {
+            Some(folder) => make_folder(folder),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Tries to make a file beside one that is to be written.
+fn check_writable(path: &Path) -> std::io::Result<()> {
+    if path.is_dir() {
+        return Err(std::io::Error::from(std::io::ErrorKind::IsADirectory));
+    }
+    // A pipe or a device is written to and not replaced.
+    if path.exists() && !path.is_file() {
+        return Ok(());
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::tempfile_in(folder).map(drop)
+}
+
+fn make_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))
+}
+
 /// What a suite on the command line may be.
 pub fn suite_help() -> String {
     let names: Vec<_> = product::get().suites.iter().map(|suite| suite.name).collect();
@@ -65,6 +99,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
             arguments.suite
         )));
     }
+    arguments.check_outputs()?;
     let options = arguments.settings.options(global, audience)?;
     let (pool, limits) = (options.common.pool(), options.common.limits());
     let mut judged = gate::run(loaded, [&arguments.old, &arguments.new], options)?;
@@ -88,7 +123,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<bool> {
     write(&arguments.verdict, &|| Ok(serde_json::to_string_pretty(&judged.verdict)? + "\n"))?;
     write(&arguments.markdown, &|| Ok(shown::markdown(&judged)))?;
     write(&arguments.junit, &|| shown::junit(&judged))?;
-    if let (Some(path), false) = (&arguments.save_suite, judged.failures.is_empty()) {
+    if let Some(path) = arguments.save_suite.as_ref().filter(|_| judged.failures.is_empty()) {
+        eprintln!("pdk: notice: there are no new failures, so {} is left as it is", path.display());
+    } else if let Some(path) = &arguments.save_suite {
         let scenarios = judged.failures.iter().map(|failure| &failure.scenario);
         let about = format!("What {} failed and {} did not", arguments.new, arguments.old);
         let text = again::of_scenarios(scenarios, &super::suite::name_of(path)?, &about)?;
@@ -119,8 +156,9 @@ fn print(judged: &Judged) {
     for line in &judged.speed {
         println!("{line}");
     }
-    if let Some(record) = &judged.record {
-        println!("Record: {}", record.display());
+    match &judged.record {
+        Some(record) => println!("Record: {}", record.display()),
+        None => println!("Nothing was driven, so there is no record; --verdict writes the verdict to a file"),
     }
     println!("{}", shown::headline(judged));
 }
@@ -133,7 +171,7 @@ fn film(
     pool: &Pool,
     limits: &Limits,
 ) -> Result<()> {
-    std::fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
+    make_folder(folder)?;
     for NewFailure { id, record, clip, .. } in failures {
         let path = folder.join(format!("{id}.mp4"));
         let replay = Replay::open(record, &[id.to_string()])?;

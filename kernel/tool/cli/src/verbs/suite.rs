@@ -42,7 +42,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         })?;
         let replay = Replay::open(Path::new(from), scenarios)?;
         let lines: Vec<&Line> = replay.lines().collect();
-        let text = again::of_failures(&lines, &name_of(output)?, from)?;
+        let place = match scenarios.is_empty() {
+            true => from.clone(),
+            false => format!("scenario {} of {from}", scenarios.join(", ")),
+        };
+        let text = again::of_failures(&lines, &name_of(output)?, &place)?;
         return file::write(output, text.as_bytes()).place(format_args!("cannot write {}", output.display()));
     }
     if output.is_some() || !scenarios.is_empty() {

@@ -208,9 +208,11 @@ fn counted(drives: &[Drive], tally: &Tally) -> String {
 /// How far this goes beyond the roads that were driven. None if nothing was perturbed.
 fn certainty(drives: &[Drive]) -> Option<String> {
     let perturbed = drives.iter().flat_map(|drive| &drive.scenarios).any(|s| s.perturbation.is_some());
-    let fewest = drives.iter().map(|drive| roads(drive).len()).min().filter(|_| perturbed)?;
+    let driven = || drives.iter().map(|drive| roads(drive).len());
+    let (fewest, most) = (driven().min().filter(|_| perturbed)?, driven().max()?);
     Some(match fewest {
-        1 => "All of this happened on one road, which says nothing about others.".to_owned(),
+        1 if most == 1 => "All of this happened on one road, which says nothing about others.".to_owned(),
+        1 => "Some of this happened on one road alone, which says nothing about others.".to_owned(),
         few if few < FEWEST_ROADS => {
             format!("{few} roads are too few for an interval of these levels; drive {FEWEST_ROADS} or more.")
         }

@@ -15,32 +15,41 @@ use crate::verbs::{Global, print_json};
 
 /// The format on standard output.
 const STREAMED: &str = "image.png";
+/// How the names of images end.
+const ENDINGS: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
 /// The quality of JPEG files.
 const QUALITY: u8 = 95;
 
-/// Where the result for each image goes: to the output itself, or into it under the image's name if there are several or it is a folder.
+/// Where the result for each image goes: to the output itself, or into it under the image's name if there are several, it is a folder, or it ends in a
+/// slash.
 ///
 /// # Errors
-/// If two have the same name, one has none, or a result would replace an image.
+/// If two have the same name, one has none, an input is not one image, or a result would replace an image.
 pub fn outputs(inputs: &[PathBuf], output: &Path) -> Result<Vec<PathBuf>> {
     let streamed = |path: &Path| path.as_os_str() == STANDARD;
+    inputs.iter().filter(|input| !streamed(input)).try_for_each(|input| check_input(input))?;
+    let is_folder = output.is_dir() || output.as_os_str().as_encoded_bytes().ends_with(b"/");
     if let [_] = inputs
-        && (streamed(output) || !output.is_dir())
+        && !is_folder
     {
         return Ok(vec![output.to_owned()]);
     }
+    let refused = |why: &str| {
+        let count = inputs.len();
+        Err(Error::new(format!(
+            "there are {count} images, but `{}` {why}; name a folder with -o",
+            output.display()
+        )))
+    };
     if streamed(output) {
-        return Err(Error::new(format!(
-            "there are {} images, but standard output takes one; name a folder with -o",
-            inputs.len()
-        )));
+        return refused("is standard output, which takes one");
     }
     if output.is_file() {
-        return Err(Error::new(format!(
-            "there are {} images, but `{}` is a file; name a folder with -o",
-            inputs.len(),
-            output.display()
-        )));
+        return refused("is a file");
+    }
+    let ending = output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if !is_folder && ENDINGS.contains(&ending.as_str()) {
+        return refused("is the name of one image");
     }
     let mut from: HashMap<&std::ffi::OsStr, &Path> = HashMap::new();
     let mut outputs = Vec::new();
@@ -64,6 +73,23 @@ pub fn outputs(inputs: &[PathBuf], output: &Path) -> Result<Vec<PathBuf>> {
         outputs.push(result);
     }
     Ok(outputs)
+}
+
+/// Refuses what is perturbed in another way, before anything is written.
+fn check_input(input: &Path) -> Result<()> {
+    let shown = input.display();
+    if input.is_dir() {
+        return Err(Error::new(format!(
+            "`{shown}` is a folder; name the images in it, such as {shown}/*.jpg, or perturb a whole dataset with `pdk corrupt`"
+        )));
+    }
+    match super::container(input) {
+        Ok(Some(_)) => Err(Error::new(format!(
+            "`{shown}` is a video, which has to be given alone, with a result that ends in .mp4"
+        ))),
+        // What cannot be read is reported when it is read.
+        _ => Ok(()),
+    }
 }
 
 /// Perturbs each image.

@@ -59,6 +59,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let specs: Vec<AppliedPerturbation> =
         arguments.perturbations.iter().map(|text| AppliedPerturbation::parse(text)).collect::<Result<_>>()?;
     let output = &arguments.output;
+    if global.json && output.as_os_str() == STANDARD {
+        return Err(Error::new("--json and `-o -` both write to standard output; leave one of them out"));
+    }
     if let [input] = arguments.inputs.as_slice()
         && input.as_os_str() != STANDARD
         && output.as_os_str() != STANDARD
@@ -87,12 +90,24 @@ pub fn check_output(input: &Path, output: &Path) -> Result<()> {
     }
 }
 
+/// The first bytes of a file, which say what it is.
+fn head(input: &Path) -> Result<Vec<u8>> {
+    let mut head = Vec::new();
+    file::open(input)?.0.take(12).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// What holds the video that a file is; none if it is not a video.
+fn container(input: &Path) -> Result<Option<pdk_video::Container>> {
+    Ok(pdk_video::container(&head(input)?))
+}
+
 /// Whether the input is a video, by its content. The result has to be of the same sort.
 fn is_video(input: &Path, output: &Path) -> Result<bool> {
-    let mut head = Vec::new();
     // If it cannot be read, reading the image says so.
-    let read = file::open(input).and_then(|(file, _)| Ok(file.take(12).read_to_end(&mut head)?));
-    let container = pdk_video::container(&head);
+    let read = head(input);
+    let head = read.as_deref().unwrap_or_default();
+    let container = pdk_video::container(head);
     let mp4 = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
     let (input, output) = (input.display(), output.display());
     match container {
@@ -101,7 +116,7 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
         ))),
         None if read.is_ok() && head.is_empty() => Err(Error::new(format!("`{input}` is empty"))),
         // What is given as a picture is read as one, which says what is wrong with it.
-        None if read.is_ok() && mp4 && !pdk_image::is_image(&head) => Err(Error::new(format!(
+        None if read.is_ok() && mp4 && !pdk_image::is_image(head) => Err(Error::new(format!(
             "`{input}` is neither a video nor an image; name a video in MP4, QuickTime, Matroska, WebM or AVI, or an image in JPEG, PNG, BMP \
              or WebP"
         ))),

@@ -1,5 +1,6 @@
 //! The frames that maps are made of: an image, those of a folder, of a run's record, or of a dataset.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use pdk_components::registry::Registry;
@@ -22,8 +23,8 @@ pub enum Frames {
     Images(Vec<(String, PathBuf)>),
     /// The frames of a record, and which of them are taken.
     Record(Box<Recorded>, Vec<usize>),
-    /// A dataset, what messages call it, and the frames that are taken.
-    Dataset(Box<dyn Dataset>, String, Vec<usize>),
+    /// A dataset, what messages call it, and the frames that are taken, with their names.
+    Dataset(Box<dyn Dataset>, String, Vec<(String, usize)>),
 }
 
 impl Frames {
@@ -54,14 +55,18 @@ impl Frames {
         if length == 0 {
             return Err(Error::new(format!("{place} has no frames; name a folder that has some")));
         }
-        Ok(Self::Dataset(dataset, place, spread(length, count)))
+        let places = spread(length, count);
+        let name = |at: &usize| calls::call(&place, Function::Name, || dataset.name(*at));
+        let names = told_apart(&places.iter().map(name).collect::<Vec<String>>());
+        Ok(Self::Dataset(dataset, place, names.into_iter().zip(places).collect()))
     }
 
     /// The number of frames.
     pub fn len(&self) -> usize {
         match self {
             Self::Images(images) => images.len(),
-            Self::Record(_, places) | Self::Dataset(_, _, places) => places.len(),
+            Self::Record(_, places) => places.len(),
+            Self::Dataset(_, _, frames) => frames.len(),
         }
     }
 
@@ -76,12 +81,10 @@ impl Frames {
                 Ok(Shown::image(name.clone(), pdk_image::read(path)?))
             }
             Self::Record(record, places) => record.read(places[index]),
-            Self::Dataset(dataset, place, places) => {
-                let at = places[index];
-                let name = calls::call(place, Function::Name, || dataset.name(at));
+            Self::Dataset(dataset, place, frames) => {
+                let (name, at) = frames[index].clone();
                 let entry = calls::call_at(place, Function::Read, at as u64, || dataset.read(at))?;
-                let stem = Path::new(&name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                Ok(Shown::image(stem, entry.frame))
+                Ok(Shown::image(name, entry.frame))
             }
         }
     }
@@ -105,17 +108,31 @@ fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// Images with the names of their frames: those of the files without their endings, where that tells them apart.
+/// Images with the names of their frames.
 fn named(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
-    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let names: Vec<String> = paths
-        .iter()
-        .map(|path| match paths.iter().filter(|other| stem(other) == stem(path)).count() {
-            1 => stem(path),
-            _ => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        })
-        .collect();
-    names.into_iter().zip(paths).collect()
+    let files = paths.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+    told_apart(&files.collect::<Vec<_>>()).into_iter().zip(paths).collect()
+}
+
+/// What maps of these files are called, none like another one: the files' names without their endings if that tells them apart, or else with the folders
+/// that they lie in, or else with their endings as well.
+fn told_apart(files: &[String]) -> Vec<String> {
+    let joined = |path: &Path| path.to_string_lossy().replace('/', "-");
+    let forms: [&dyn Fn(&String) -> String; 3] = [
+        &|file| Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        &|file| joined(&Path::new(file).with_extension("")),
+        &|file| joined(Path::new(file)),
+    ];
+    let all = forms.map(|form| files.iter().map(form).collect::<Vec<_>>());
+    let mut counts = [(); 3].map(|()| HashMap::<&str, usize>::new());
+    for (names, counts) in all.iter().zip(&mut counts) {
+        names.iter().for_each(|name| *counts.entry(name).or_default() += 1);
+    }
+    let name = |file: usize| {
+        let unique = (0..2).find(|form| counts[*form][all[*form][file].as_str()] == 1);
+        all[unique.unwrap_or(2)][file].clone()
+    };
+    (0..files.len()).map(name).collect()
 }
 
 /// This many places of `length`, spread evenly.
@@ -139,6 +156,8 @@ mod tests {
         assert_eq!(names, ["a.JPG", "a.png", "b"]);
         std::fs::write(dir.path().join("record_1.json"), b"{}").unwrap();
         assert!(images(dir.path()).unwrap().is_empty());
+        let files = ["stop/0.jpg", "limit/0.jpg", "limit/1.jpg", "limit/1.png", "2.png"].map(str::to_owned);
+        assert_eq!(told_apart(&files), ["stop-0", "limit-0", "limit-1.jpg", "limit-1.png", "2"]);
         assert_eq!(spread(10, Some(3)), [0, 3, 6]);
         assert_eq!((spread(2, Some(9)), spread(2, None)), (vec![0, 1], vec![0, 1]));
     }

@@ -7,6 +7,7 @@ mod patches;
 mod recorded;
 pub(super) mod shown;
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use indicatif::ProgressBar;
@@ -51,14 +52,14 @@ pub struct Arguments {
     full: bool,
     /// Which number of the network is explained, by methods that explain one: steering, throttle, or any other in the words of `pdk gradient
     /// --of`, such as scores[17] for a class or boxes[0,4,*] for the greatest of a row
-    #[arg(long, value_name = "NUMBER", default_value = STEERING)]
+    #[arg(long, value_name = "NUMBER", default_value = STEERING, value_parser = clap::builder::NonEmptyStringValueParser::new())]
     explain: String,
     /// The speed for a network with a speed input, in metres per second; frames of a record have their own
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
     /// Only this many frames of a folder, spread evenly over it
     #[arg(long, value_name = "N")]
-    count: Option<usize>,
+    count: Option<NonZeroUsize>,
     /// Also measure how faithful each method is, by deletion, insertion, sensitivity-n and infidelity: how the steering changes when parts of the
     /// frame are taken away, against the same maps in other places
     #[arg(long)]
@@ -103,7 +104,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     for text in &texts {
         methods.push(method(&registry, arguments, &driver, text, &methods)?);
     }
-    let mut frames = Frames::open(&registry, &arguments.frames, arguments.count)?;
+    let mut frames = Frames::open(&registry, &arguments.frames, arguments.count.map(usize::from))?;
     std::fs::create_dir_all(&arguments.output).place(format_args!(
         "cannot make the folder {}; choose another with -o",
         arguments.output.display()
@@ -188,6 +189,12 @@ fn method(
         return Err(Error::new(format!(
             "`{size}` cannot be set for {} here: numbers are written for each cell, and with --full for each pixel",
             spec.name
+        )));
+    }
+    if takes(Role::Explained).is_none() && arguments.explain != STEERING {
+        return Err(Error::new(format!(
+            "{} explains no single number, so it cannot explain `{}`; leave --explain out, or take another method",
+            spec.name, arguments.explain
         )));
     }
     let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
