@@ -5,30 +5,46 @@
 //! same order on every processor, with factors from [`libm`], so the same result everywhere.
 
 use std::f64::consts::PI;
+use std::ops::{Index, IndexMut};
 
 use crate::simd::vectorised;
 
 /// The number of sequences that are transformed together.
 pub(crate) const LANES: usize = 8;
 
-/// The same element of each sequence.
-pub(crate) type Lane = [f32; LANES];
+/// The same element of each sequence, aligned as vectors are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(32))]
+pub(crate) struct Lane(pub(crate) [f32; LANES]);
 
-/// Complex numbers, one in each lane.
-#[derive(Debug, Clone, Copy)]
-struct Complex {
-    re: Lane,
-    im: Lane,
+impl Lane {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
 }
 
-const ZERO: Complex = Complex { re: [0.0; LANES], im: [0.0; LANES] };
+impl Index<usize> for Lane {
+    type Output = f32;
+    #[inline(always)]
+    fn index(&self, lane: usize) -> &f32 {
+        &self.0[lane]
+    }
+}
 
-/// A complex factor that is the same for all lanes.
+impl IndexMut<usize> for Lane {
+    #[inline(always)]
+    fn index_mut(&mut self, lane: usize) -> &mut f32 {
+        &mut self.0[lane]
+    }
+}
+
+/// A complex number of one lane.
 #[derive(Debug, Clone, Copy, Default)]
-struct Factor {
+struct Complex {
     re: f32,
     im: f32,
 }
+
+/// A complex factor that is the same for all lanes.
+type Factor = Complex;
 
 /// `e^(-2 pi i k / n)`.
 fn root(k: usize, n: usize) -> Factor {
@@ -36,39 +52,31 @@ fn root(k: usize, n: usize) -> Factor {
     Factor { re: cos as f32, im: sin as f32 }
 }
 
-#[inline(always)]
-fn lanes(of: impl Fn(usize) -> f32) -> Lane {
-    std::array::from_fn(of)
-}
-
 impl Complex {
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self { re: lanes(|i| self.re[i] + other.re[i]), im: lanes(|i| self.im[i] + other.im[i]) }
+        Self { re: self.re + other.re, im: self.im + other.im }
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self { re: lanes(|i| self.re[i] - other.re[i]), im: lanes(|i| self.im[i] - other.im[i]) }
+        Self { re: self.re - other.re, im: self.im - other.im }
     }
 
     #[inline(always)]
     fn scale(self, factor: f32) -> Self {
-        Self { re: lanes(|i| self.re[i] * factor), im: lanes(|i| self.im[i] * factor) }
+        Self { re: self.re * factor, im: self.im * factor }
     }
 
     /// Times `-i`.
     #[inline(always)]
     fn turn(self) -> Self {
-        Self { re: self.im, im: lanes(|i| -self.re[i]) }
+        Self { re: self.im, im: -self.re }
     }
 
     #[inline(always)]
     fn times(self, factor: Factor) -> Self {
-        Self {
-            re: lanes(|i| self.re[i] * factor.re - self.im[i] * factor.im),
-            im: lanes(|i| self.re[i] * factor.im + self.im[i] * factor.re),
-        }
+        Self { re: self.re * factor.re - self.im * factor.im, im: self.re * factor.im + self.im * factor.re }
     }
 }
 
@@ -81,8 +89,8 @@ pub(crate) struct Sequences {
 
 impl Sequences {
     pub(crate) fn resize(&mut self, len: usize) {
-        self.re.resize(len, [0.0; LANES]);
-        self.im.resize(len, [0.0; LANES]);
+        self.re.resize(len, Lane::ZERO);
+        self.im.resize(len, Lane::ZERO);
     }
 }
 
@@ -95,7 +103,7 @@ pub(crate) struct Plan {
     /// What the passes write to in turn.
     scratch: Sequences,
     /// Sums and differences of a group's elements, for large radices.
-    pairs: Vec<[Complex; 2]>,
+    pairs: Vec<[Lane; 4]>,
 }
 
 /// One pass: it combines `radix` elements that lie `rest * done` apart into as many that lie `done` apart.
@@ -133,7 +141,7 @@ impl Plan {
             }
             if radix > 5 {
                 self.factors.extend((0..radix).map(|k| root(k, radix)));
-                self.pairs.resize(self.pairs.len().max(radix / 2), [ZERO; 2]);
+                self.pairs.resize(self.pairs.len().max(radix / 2), [Lane::ZERO; 4]);
             }
             done *= radix;
         }
@@ -159,7 +167,7 @@ fn smallest_factor(number: usize) -> usize {
 vectorised! {
     fn run / run_avx2 (
         passes: &[Pass], factors: &[Factor], re: &mut [Lane], im: &mut [Lane], other_re: &mut [Lane],
-        other_im: &mut [Lane], pairs: &mut [[Complex; 2]],
+        other_im: &mut [Lane], pairs: &mut [[Lane; 4]],
     ) {
         for (number, pass) in passes.iter().enumerate() {
             let factors = &factors[pass.factors..];
@@ -184,20 +192,24 @@ fn one_pass(
     im: &[Lane],
     to_re: &mut [Lane],
     to_im: &mut [Lane],
-    pairs: &mut [[Complex; 2]],
+    pairs: &mut [[Lane; 4]],
 ) {
-    match pass.radix {
-        2 => fixed_pass::<2>(pass, factors, re, im, to_re, to_im),
-        3 => fixed_pass::<3>(pass, factors, re, im, to_re, to_im),
-        4 => fixed_pass::<4>(pass, factors, re, im, to_re, to_im),
-        5 => fixed_pass::<5>(pass, factors, re, im, to_re, to_im),
+    match (pass.radix, pass.rest) {
+        (2, 1) => fixed_pass::<2, false>(pass, factors, re, im, to_re, to_im),
+        (3, 1) => fixed_pass::<3, false>(pass, factors, re, im, to_re, to_im),
+        (4, 1) => fixed_pass::<4, false>(pass, factors, re, im, to_re, to_im),
+        (5, 1) => fixed_pass::<5, false>(pass, factors, re, im, to_re, to_im),
+        (2, _) => fixed_pass::<2, true>(pass, factors, re, im, to_re, to_im),
+        (3, _) => fixed_pass::<3, true>(pass, factors, re, im, to_re, to_im),
+        (4, _) => fixed_pass::<4, true>(pass, factors, re, im, to_re, to_im),
+        (5, _) => fixed_pass::<5, true>(pass, factors, re, im, to_re, to_im),
         _ => odd_pass(pass, factors, re, im, to_re, to_im, pairs),
     }
 }
 
-/// A pass with a transform of `RADIX` elements.
+/// A pass with a transform of `RADIX` elements. In the last one all factors are 1, and `TURNED` says that it is not that.
 #[inline(always)]
-fn fixed_pass<const RADIX: usize>(
+fn fixed_pass<const RADIX: usize, const TURNED: bool>(
     pass: &Pass,
     factors: &[Factor],
     re: &[Lane],
@@ -215,15 +227,25 @@ fn fixed_pass<const RADIX: usize>(
     );
     let groups = to_re.chunks_exact_mut(RADIX * done).zip(to_im.chunks_exact_mut(RADIX * done));
     for (group, (to_re, to_im)) in groups.enumerate() {
-        let factors = &factors[group * (RADIX - 1)..][..RADIX - 1];
+        let factors: [Factor; RADIX] = std::array::from_fn(|r| match r {
+            0 => Factor::default(),
+            _ => factors[group * (RADIX - 1) + r - 1],
+        });
+        let re: [&[Lane]; RADIX] = std::array::from_fn(|j| &re[j][group * done..][..done]);
+        let im: [&[Lane]; RADIX] = std::array::from_fn(|j| &im[j][group * done..][..done]);
         for k in 0..done {
-            let from = group * done + k;
-            let out =
-                Direct::transform(std::array::from_fn(|j| Complex { re: re[j][from], im: im[j][from] }));
-            (to_re[k], to_im[k]) = (out[0].re, out[0].im);
-            for r in 1..RADIX {
-                let turned = out[r].times(factors[r - 1]);
-                (to_re[r * done + k], to_im[r * done + k]) = (turned.re, turned.im);
+            let (mut out_re, mut out_im) = ([Lane::ZERO; RADIX], [Lane::ZERO; RADIX]);
+            // The loop is over the lanes, so that the compiler makes one vector of each step.
+            for lane in 0..LANES {
+                let elements = std::array::from_fn(|j| Complex { re: re[j][k][lane], im: im[j][k][lane] });
+                let out = Direct::transform(elements);
+                for r in 0..RADIX {
+                    let turned = if TURNED && r > 0 { out[r].times(factors[r]) } else { out[r] };
+                    (out_re[r][lane], out_im[r][lane]) = (turned.re, turned.im);
+                }
+            }
+            for r in 0..RADIX {
+                (to_re[r * done + k], to_im[r * done + k]) = (out_re[r], out_im[r]);
             }
         }
     }
@@ -298,7 +320,7 @@ fn odd_pass(
     im: &[Lane],
     to_re: &mut [Lane],
     to_im: &mut [Lane],
-    pairs: &mut [[Complex; 2]],
+    pairs: &mut [[Lane; 4]],
 ) {
     let Pass { radix, rest, done, .. } = *pass;
     let roots = &factors[rest * (radix - 1)..][..radix];
@@ -306,32 +328,46 @@ fn odd_pass(
     for group in 0..rest {
         let factors = &factors[group * (radix - 1)..][..radix - 1];
         for k in 0..done {
-            let element = |j: usize| {
-                let from = (j * rest + group) * done + k;
-                Complex { re: re[from], im: im[from] }
-            };
-            let first = element(0);
-            let mut total = first;
+            let at = |j: usize| (j * rest + group) * done + k;
+            let (first_re, first_im) = (re[at(0)], im[at(0)]);
+            let (mut total_re, mut total_im) = (first_re, first_im);
             for (j, pair) in (1..).zip(pairs.iter_mut()) {
-                let (near, far) = (element(j), element(radix - j));
-                *pair = [near.add(far), near.sub(far)];
-                total = total.add(pair[0]);
+                let (near, far) = (at(j), at(radix - j));
+                for lane in 0..LANES {
+                    pair[0][lane] = re[near][lane] + re[far][lane];
+                    pair[1][lane] = im[near][lane] + im[far][lane];
+                    pair[2][lane] = re[near][lane] - re[far][lane];
+                    pair[3][lane] = im[near][lane] - im[far][lane];
+                    total_re[lane] += pair[0][lane];
+                    total_im[lane] += pair[1][lane];
+                }
             }
             let to = group * radix * done + k;
-            (to_re[to], to_im[to]) = (total.re, total.im);
+            (to_re[to], to_im[to]) = (total_re, total_im);
             for r in 1..=radix / 2 {
-                let (mut even, mut odd) = (first, ZERO);
+                let (mut even_re, mut even_im) = (first_re, first_im);
+                let (mut odd_re, mut odd_im) = (Lane::ZERO, Lane::ZERO);
                 let mut turn = 0;
-                for [sum, difference] in &*pairs {
+                for pair in &*pairs {
                     turn += r;
                     turn -= if turn >= radix { radix } else { 0 };
-                    even = even.add(sum.scale(roots[turn].re));
-                    odd = odd.add(difference.scale(roots[turn].im));
+                    let root = roots[turn];
+                    for lane in 0..LANES {
+                        even_re[lane] += pair[0][lane] * root.re;
+                        even_im[lane] += pair[1][lane] * root.re;
+                        odd_re[lane] += pair[2][lane] * root.im;
+                        odd_im[lane] += pair[3][lane] * root.im;
+                    }
                 }
-                let side = odd.turn();
-                for (r, out) in [(r, even.sub(side)), (radix - r, even.add(side))] {
-                    let out = out.times(factors[r - 1]);
-                    (to_re[to + r * done], to_im[to + r * done]) = (out.re, out.im);
+                for (r, sign) in [(r, -1.0), (radix - r, 1.0)] {
+                    let (mut out_re, mut out_im) = (Lane::ZERO, Lane::ZERO);
+                    for lane in 0..LANES {
+                        let even = Complex { re: even_re[lane], im: even_im[lane] };
+                        let side = Complex { re: odd_re[lane], im: odd_im[lane] }.turn().scale(sign);
+                        let out = even.add(side).times(factors[r - 1]);
+                        (out_re[lane], out_im[lane]) = (out.re, out.im);
+                    }
+                    (to_re[to + r * done], to_im[to + r * done]) = (out_re, out_im);
                 }
             }
         }
@@ -351,7 +387,7 @@ mod tests {
     }
 
     fn lanes_of(mut of: impl FnMut() -> f32) -> Lane {
-        std::array::from_fn(|_| of())
+        Lane(std::array::from_fn(|_| of()))
     }
 
     /// The sum by which the transform is defined, in double precision.
@@ -399,7 +435,7 @@ mod tests {
             plan.prepare(len);
             plan.transform(&mut to.re, &mut to.im);
             plan.transform(&mut to.im, &mut to.re);
-            for (before, after) in from.re.iter().flatten().zip(to.re.iter().flatten()) {
+            for (before, after) in from.re.iter().flat_map(|l| &l.0).zip(to.re.iter().flat_map(|l| &l.0)) {
                 assert!((before - after / len as f32).abs() < 1e-3, "{len}");
             }
         }

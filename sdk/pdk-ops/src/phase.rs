@@ -26,12 +26,16 @@ pub struct Workspace {
     down: Plan,
     /// Rows under way.
     rows: Sequences,
-    /// The half spectrum of a channel: for each block of columns, the block's rows.
+    /// The half spectrum of a channel: for each block of columns, the block's rows, and zeros up to a multiple of [`ROWS`].
     spectrum: Sequences,
     /// What the coefficients of a block of columns are multiplied with.
     filter: Sequences,
     /// The random bytes of a block of columns.
     draws: Vec<u8>,
+    /// What stands for rows below the frame.
+    black: Vec<[u8; CHANNELS]>,
+    /// The results of rows under way.
+    bytes: Vec<[u8; ROWS]>,
 }
 
 /// Adds to the phase of every coefficient of each channel's two-dimensional Fourier transform a random angle from
@@ -51,23 +55,32 @@ pub fn scramble_phase(
     let (width, height) = (src.width(), src.height());
     let columns = width / 2 + 1;
     let blocks = columns.div_ceil(LANES);
+    let padded = height.next_multiple_of(ROWS);
     let range = strength.clamp(0.0, 1.0) as f32 * PI;
-    let Workspace { across, down, rows, spectrum, filter, draws } = workspace;
+    let Workspace { across, down, rows, spectrum, filter, draws, black, bytes } = workspace;
     across.prepare(width);
     down.prepare(height);
     rows.resize(width);
-    spectrum.resize(blocks * height);
+    spectrum.resize(blocks * padded);
     filter.resize(height);
     draws.resize(DRAW * height, 0);
+    black.resize(width, [0; CHANNELS]);
+    bytes.resize(width, [0; ROWS]);
 
     for channel in 0..CHANNELS {
         let Sequences { re, im } = &mut *spectrum;
         for top in (0..height).step_by(ROWS) {
-            load_rows(src, channel, top, rows);
+            let line = |y: usize| if y < height { src.row(y).as_chunks().0 } else { &black[..] };
+            let lines = std::array::from_fn(|row| line(top + row));
+            load_rows(lines, channel, &mut rows.re, &mut rows.im);
             across.transform(&mut rows.re, &mut rows.im);
-            take_spectra_apart(rows, re, im, top, height);
+            take_spectra_apart(&rows.re, &rows.im, re, im, top, padded);
         }
-        for (block, (re, im)) in re.chunks_exact_mut(height).zip(im.chunks_exact_mut(height)).enumerate() {
+        for (block, (re, im)) in re.chunks_exact_mut(padded).zip(im.chunks_exact_mut(padded)).enumerate() {
+            // What a row below the frame got from rounding is no part of the picture.
+            let ((re, below_re), (im, below_im)) = (re.split_at_mut(height), im.split_at_mut(height));
+            below_re.fill(Lane::ZERO);
+            below_im.fill(Lane::ZERO);
             random.fill(draws);
             make_filter(draws, range, &mut filter.re, &mut filter.im);
             for lane in 0..LANES {
@@ -82,83 +95,104 @@ pub fn scramble_phase(
             down.transform(im, re);
         }
         for top in (0..height).step_by(ROWS) {
-            put_spectra_together(re, im, top, height, rows);
+            put_spectra_together(re, im, top, padded, &mut rows.re, &mut rows.im);
             across.transform(&mut rows.im, &mut rows.re);
-            store_rows(rows, channel, top, &mut dst);
-        }
-    }
-}
-
-/// One channel of the rows from `top` on: even ones as real parts, odd ones as imaginary parts. Rows below the frame are
-/// black.
-fn load_rows(src: Frame<'_>, channel: usize, top: usize, rows: &mut Sequences) {
-    for lane in 0..LANES {
-        for (part, y) in [(&mut rows.re, top + 2 * lane), (&mut rows.im, top + 2 * lane + 1)] {
-            if y < src.height() {
-                let pixels = src.row(y).chunks_exact(CHANNELS);
-                part.iter_mut()
-                    .zip(pixels)
-                    .for_each(|(value, pixel)| value[lane] = f32::from(pixel[channel]));
-            } else {
-                part.iter_mut().for_each(|value| value[lane] = 0.0);
-            }
-        }
-    }
-}
-
-/// Writes the results back to the rows they came from.
-fn store_rows(rows: &Sequences, channel: usize, top: usize, dst: &mut FrameMut<'_>) {
-    // Each of the two directions enlarges by its length, taking two rows apart by two. The small term keeps whole numbers
-    // whole where nothing was scrambled.
-    let scale = 1.0 / (2.0 * dst.width() as f32 * dst.height() as f32);
-    for lane in 0..LANES {
-        for (part, y) in [(&rows.re, top + 2 * lane), (&rows.im, top + 2 * lane + 1)] {
-            if y < dst.height() {
-                let pixels = dst.row_mut(y).chunks_exact_mut(CHANNELS);
-                for (pixel, value) in pixels.zip(part) {
-                    pixel[channel] = (value[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
+            // Each of the two directions enlarges by its length, taking two rows apart by two.
+            round_rows(&rows.re, &rows.im, 1.0 / (2.0 * width as f32 * height as f32), bytes);
+            for (row, y) in (top..height).take(ROWS).enumerate() {
+                for (pixel, bytes) in dst.row_mut(y).chunks_exact_mut(CHANNELS).zip(&*bytes) {
+                    pixel[channel] = bytes[row];
                 }
             }
         }
     }
 }
 
-/// Takes the transforms of two rows each apart and puts their halves, twice as large, into the spectrum.
-fn take_spectra_apart(rows: &Sequences, re: &mut [Lane], im: &mut [Lane], top: usize, height: usize) {
-    let width = rows.re.len();
-    let count = ROWS.min(height - top);
-    for column in 0..=width / 2 {
-        let partner = (width - column) % width;
-        let (r, i) = (&rows.re[column], &rows.im[column]);
-        let (partner_r, partner_i) = (&rows.re[partner], &rows.im[partner]);
-        let start = column / LANES * height + top;
-        let lane = column % LANES;
-        let (re, im) = (&mut re[start..start + count], &mut im[start..start + count]);
-        for (pair, (re, im)) in re.chunks_mut(2).zip(im.chunks_mut(2)).enumerate() {
-            re[0][lane] = r[pair] + partner_r[pair];
-            im[0][lane] = i[pair] - partner_i[pair];
-            if let ([_, re], [_, im]) = (re, im) {
-                re[lane] = i[pair] + partner_i[pair];
-                im[lane] = partner_r[pair] - r[pair];
+vectorised! {
+    /// One channel of rows: even ones as real parts, odd ones as imaginary parts.
+    fn load_rows / load_rows_avx2 (
+        lines: [&[[u8; CHANNELS]]; ROWS], channel: usize, re: &mut [Lane], im: &mut [Lane],
+    ) {
+        let width = re.len();
+        let (lines, im) = (lines.map(|line| &line[..width]), &mut im[..width]);
+        for x in 0..width {
+            for lane in 0..LANES {
+                re[x][lane] = f32::from(lines[2 * lane][x][channel]);
+                im[x][lane] = f32::from(lines[2 * lane + 1][x][channel]);
             }
         }
     }
 }
 
-/// The reverse of [`take_spectra_apart`], but for the size.
-fn put_spectra_together(re: &[Lane], im: &[Lane], top: usize, height: usize, rows: &mut Sequences) {
-    let width = rows.re.len();
-    let count = ROWS.min(height - top);
-    for column in 0..=width / 2 {
-        let start = column / LANES * height + top;
-        let lane = column % LANES;
-        let at = |part: &[Lane], row: usize| if row < count { part[start + row][lane] } else { 0.0 };
-        let partner = (width - column) % width;
-        for pair in 0..LANES {
-            let (a_re, a_im) = (at(re, 2 * pair), at(im, 2 * pair));
-            let (b_re, b_im) = (at(re, 2 * pair + 1), at(im, 2 * pair + 1));
-            (rows.re[partner][pair], rows.im[partner][pair]) = (a_re + b_im, b_re - a_im);
-            (rows.re[column][pair], rows.im[column][pair]) = (a_re - b_im, a_im + b_re);
+vectorised! {
+    /// The results of rows, which come as in [`load_rows`]. The small term keeps whole numbers whole where nothing was
+    /// scrambled.
+    fn round_rows / round_rows_avx2 (re: &[Lane], im: &[Lane], scale: f32, bytes: &mut [[u8; ROWS]]) {
+        for ((re, im), bytes) in re.iter().zip(im).zip(bytes) {
+            for lane in 0..LANES {
+                bytes[2 * lane] = (re[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
+                bytes[2 * lane + 1] = (im[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
+            }
+        }
+    }
+}
+
+/// Where a column of the spectrum has the rows from `top` on, and in which lane.
+#[inline(always)]
+fn place(column: usize, top: usize, padded: usize) -> (usize, usize) {
+    (column / LANES * padded + top, column % LANES)
+}
+
+vectorised! {
+    /// Takes the transforms of two rows each apart and puts their halves, twice as large, into the spectrum.
+    fn take_spectra_apart / take_spectra_apart_avx2 (
+        rows_re: &[Lane], rows_im: &[Lane], re: &mut [Lane], im: &mut [Lane], top: usize, padded: usize,
+    ) {
+        let width = rows_re.len();
+        for column in 0..=width / 2 {
+            let partner = (width - column) % width;
+            let (r, i) = (&rows_re[column], &rows_im[column]);
+            let (partner_r, partner_i) = (&rows_re[partner], &rows_im[partner]);
+            let (mut first, mut second) = ([Lane::ZERO; 2], [Lane::ZERO; 2]);
+            for pair in 0..LANES {
+                first[0][pair] = r[pair] + partner_r[pair];
+                first[1][pair] = i[pair] - partner_i[pair];
+                second[0][pair] = i[pair] + partner_i[pair];
+                second[1][pair] = partner_r[pair] - r[pair];
+            }
+            let (start, lane) = place(column, top, padded);
+            let (re, im) = (&mut re[start..start + ROWS], &mut im[start..start + ROWS]);
+            for pair in 0..LANES {
+                (re[2 * pair][lane], im[2 * pair][lane]) = (first[0][pair], first[1][pair]);
+                (re[2 * pair + 1][lane], im[2 * pair + 1][lane]) = (second[0][pair], second[1][pair]);
+            }
+        }
+    }
+}
+
+vectorised! {
+    /// The reverse of [`take_spectra_apart`], but for the size.
+    fn put_spectra_together / put_spectra_together_avx2 (
+        re: &[Lane], im: &[Lane], top: usize, padded: usize, rows_re: &mut [Lane], rows_im: &mut [Lane],
+    ) {
+        let width = rows_re.len();
+        for column in 0..=width / 2 {
+            let (start, lane) = place(column, top, padded);
+            let (re, im) = (&re[start..start + ROWS], &im[start..start + ROWS]);
+            let (mut first, mut second) = ([Lane::ZERO; 2], [Lane::ZERO; 2]);
+            for pair in 0..LANES {
+                (first[0][pair], first[1][pair]) = (re[2 * pair][lane], im[2 * pair][lane]);
+                (second[0][pair], second[1][pair]) = (re[2 * pair + 1][lane], im[2 * pair + 1][lane]);
+            }
+            let partner = (width - column) % width;
+            for pair in 0..LANES {
+                rows_re[partner][pair] = first[0][pair] + second[1][pair];
+                rows_im[partner][pair] = second[0][pair] - first[1][pair];
+            }
+            for pair in 0..LANES {
+                rows_re[column][pair] = first[0][pair] - second[1][pair];
+                rows_im[column][pair] = first[1][pair] + second[0][pair];
+            }
         }
     }
 }
@@ -187,14 +221,15 @@ vectorised! {
         draws: &[u8], range: f32, re: &mut [Lane], im: &mut [Lane],
     ) {
         let unit = range / 131_072.0;
-        for ((draw, re), im) in draws.chunks_exact(DRAW).zip(re).zip(im) {
-            for ((draw, re), im) in draw.chunks_exact(4).zip(re).zip(im) {
-                let first = i32::from(u16::from_le_bytes([draw[0], draw[1]]));
-                let second = i32::from(u16::from_le_bytes([draw[2], draw[3]]));
+        for ((draw, re), im) in draws.as_chunks::<DRAW>().0.iter().zip(re).zip(im) {
+            let (words, _) = draw.as_chunks::<4>();
+            for lane in 0..LANES {
+                let both = u32::from_le_bytes(words[lane]) as i32;
+                let (first, second) = (both & 0xffff, both >> 16 & 0xffff);
                 let half_difference = (first - second) as f32 * unit;
                 let half_sum = (first + second) as f32 * unit;
                 let size = sine(FRAC_PI_2 - half_sum);
-                (*re, *im) = (size * cosine(half_difference), size * sine(half_difference));
+                (re[lane], im[lane]) = (size * cosine(half_difference), size * sine(half_difference));
             }
         }
     }
@@ -221,10 +256,11 @@ vectorised! {
     fn apply_filter / apply_filter_avx2 (
         filter_re: &[Lane], filter_im: &[Lane], re: &mut [Lane], im: &mut [Lane],
     ) {
-        let filters = filter_re.as_flattened().iter().zip(filter_im.as_flattened());
-        let values = re.as_flattened_mut().iter_mut().zip(im.as_flattened_mut());
-        for ((re, im), (a, b)) in values.zip(filters) {
-            (*re, *im) = (*re * a - *im * b, *re * b + *im * a);
+        for ((re, im), (a, b)) in re.iter_mut().zip(im).zip(filter_re.iter().zip(filter_im)) {
+            for lane in 0..LANES {
+                (re[lane], im[lane]) =
+                    (re[lane] * a[lane] - im[lane] * b[lane], re[lane] * b[lane] + im[lane] * a[lane]);
+            }
         }
     }
 }
