@@ -678,7 +678,8 @@ def fgsm(
     norm: Literal["linf", "l2"] | None = None,
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
-    expectation: int | None = None,
+    expectation: Literal["none", "changes"] | None = None,
+    changes: int | None = None,
     shift: float | None = None,
     blur: float | None = None,
     brightness: float | None = None,
@@ -723,16 +724,18 @@ def fgsm(
         further; left; right; or to `target` (default "away").
     target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
         to 1; default 0.0).
-    expectation: over how many drawn changes of a frame the steering and its gradient are averaged, so that the
-        attack survives such changes; with 0 the network sees the frame as it is (0 to 1000; default 0).
-    shift: how far a drawn change moves the frame at most along each axis, rounded down, with `expectation` above 0
-        (pixels; 0 to 100; default 2.0).
-    blur: the largest standard deviation of the Gaussian blur of a drawn change, with `expectation` above 0 (pixels;
-        0 to 20; default 1.0).
-    brightness: by which share a drawn change makes all values greater or smaller at most, with `expectation` above
-        0 (0 to 1; default 0.2).
-    noise: the standard deviation of the noise of a drawn change, with `expectation` above 0 (grey levels of 255; 0
-        to 255; default 8.0).
+    expectation: over what the steering and its gradient are averaged: over nothing, so that the network sees the
+        frame as it is, or over drawn changes of it, so that the attack survives such changes (default "none").
+    changes: over how many drawn changes of a frame the mean is taken; only with `expectation=changes` (1 to 1000;
+        default 8).
+    shift: how far a drawn change moves the frame at most along each axis, rounded down; only with
+        `expectation=changes` (pixels; 0 to 100; default 2.0).
+    blur: the largest standard deviation of the Gaussian blur of a drawn change; only with `expectation=changes`
+        (pixels; 0 to 20; default 1.0).
+    brightness: by which share a drawn change makes all values greater or smaller at most; only with
+        `expectation=changes` (0 to 1; default 0.2).
+    noise: the standard deviation of the noise of a drawn change; only with `expectation=changes` (grey levels of
+        255; 0 to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
     engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
@@ -1938,7 +1941,8 @@ def pgd(
     random_start: bool | None = None,
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
-    expectation: int | None = None,
+    expectation: Literal["none", "changes"] | None = None,
+    changes: int | None = None,
     shift: float | None = None,
     blur: float | None = None,
     brightness: float | None = None,
@@ -1988,16 +1992,18 @@ def pgd(
         further; left; right; or to `target` (default "away").
     target: the steering that the network is to give, from -1 for left to 1 for right; only with `goal=target` (-1
         to 1; default 0.0).
-    expectation: over how many drawn changes of a frame the steering and its gradient are averaged, so that the
-        attack survives such changes; with 0 the network sees the frame as it is (0 to 1000; default 0).
-    shift: how far a drawn change moves the frame at most along each axis, rounded down, with `expectation` above 0
-        (pixels; 0 to 100; default 2.0).
-    blur: the largest standard deviation of the Gaussian blur of a drawn change, with `expectation` above 0 (pixels;
-        0 to 20; default 1.0).
-    brightness: by which share a drawn change makes all values greater or smaller at most, with `expectation` above
-        0 (0 to 1; default 0.2).
-    noise: the standard deviation of the noise of a drawn change, with `expectation` above 0 (grey levels of 255; 0
-        to 255; default 8.0).
+    expectation: over what the steering and its gradient are averaged: over nothing, so that the network sees the
+        frame as it is, or over drawn changes of it, so that the attack survives such changes (default "none").
+    changes: over how many drawn changes of a frame the mean is taken; only with `expectation=changes` (1 to 1000;
+        default 8).
+    shift: how far a drawn change moves the frame at most along each axis, rounded down; only with
+        `expectation=changes` (pixels; 0 to 100; default 2.0).
+    blur: the largest standard deviation of the Gaussian blur of a drawn change; only with `expectation=changes`
+        (pixels; 0 to 20; default 1.0).
+    brightness: by which share a drawn change makes all values greater or smaller at most; only with
+        `expectation=changes` (0 to 1; default 0.2).
+    noise: the standard deviation of the noise of a drawn change; only with `expectation=changes` (grey levels of
+        255; 0 to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
     engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
