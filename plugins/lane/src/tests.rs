@@ -576,7 +576,7 @@ fn frames_are_those_of_earlier_versions() {
 }
 
 #[test]
-fn a_vehicle_starts_where_and_how_it_is_told() {
+fn a_vehicle_starts_beside_the_lane_and_turned_as_the_parameters_say() {
     let start = |parameters: Value| {
         let mut simulator = lane_with(parameters).unwrap();
         simulator.reset(&scenario(json!({"angles": [0, 20, -10]}), 4), 0).unwrap()

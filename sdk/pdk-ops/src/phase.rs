@@ -77,7 +77,7 @@ pub fn scramble_phase(
             take_spectra_apart(&rows.re, &rows.im, re, im, top, padded);
         }
         for (block, (re, im)) in re.chunks_exact_mut(padded).zip(im.chunks_exact_mut(padded)).enumerate() {
-            // What a row below the frame got from rounding is no part of the picture.
+            // What a row below the frame got from rounding does not belong to the picture.
             let ((re, below_re), (im, below_im)) = (re.split_at_mut(height), im.split_at_mut(height));
             below_re.fill(Lane::ZERO);
             below_im.fill(Lane::ZERO);

@@ -315,7 +315,8 @@ mod tests {
         };
         // All survive level 1, and all fail at level 3.
         let found = failing_level(&all(false, true), 0.95).unwrap();
-        assert_eq!((found.level, found.low, found.high), (Some(2.0), Some(0.0), Some(3.0)));
+        // Half of the roads may fail at any level, or at none.
+        assert_eq!((found.level, found.low, found.high), (Some(2.0), Some(0.0), None));
         assert_eq!(failing_level(&all(true, true), 0.95).unwrap().level, Some(1.0));
         assert_eq!(failing_level(&all(false, false), 0.95).unwrap().level, None);
     }

@@ -69,7 +69,7 @@ pub fn perturb(
         let encoding = scope.spawn(|| {
             for (frame, ends) in done {
                 writer.push_until(frame.as_ref(), ends)?;
-                // If no more frames come, nobody takes it.
+                // The sender is gone if no more frames come.
                 let _ = written_in.send(frame);
             }
             Ok(())
@@ -130,7 +130,7 @@ pub fn perturb(
     Ok(())
 }
 
-/// Decodes the frames after the one in `planes`, and sends all of them until the video ends or nobody takes them any more.
+/// Decodes the frames after the one in `planes`, and sends all of them until the video or their receiver ends.
 fn decode(
     mut reader: Video,
     mut planes: Yuv420,
