@@ -21,11 +21,11 @@ pub struct Gusts {
     /// The fastest turn in radians per second; 0 for no wind.
     strongest: f64,
     random: Random,
-    /// All that began so far, and the next one.
-    drawn: Vec<Gust>,
+    /// The one under way, or the next one.
+    gust: Gust,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Default)]
 struct Gust {
     begins: f64,
     ends: f64,
@@ -36,29 +36,28 @@ struct Gust {
 impl Gusts {
     /// Gusts of which the strongest turn a vehicle at this many radians per second.
     pub fn new(strongest: f64, key: &Key) -> Self {
-        Self { strongest, random: key.sequence(), drawn: Vec::new() }
+        Self { strongest, random: key.sequence(), gust: Gust::default() }
     }
 
-    /// How fast the wind turns a vehicle of a speed at a time in seconds, in radians per second, positive to the right. Times do not go back by more than
-    /// a gust.
+    /// How fast the wind turns a vehicle of a speed at a time in seconds, in radians per second, positive to the right. Times do not go back.
     pub fn turn(&mut self, time: f64, speed: f64) -> f64 {
         if self.strongest == 0.0 {
             return 0.0;
         }
-        while self.drawn.last().is_none_or(|gust| gust.begins <= time) {
+        while self.gust.ends <= time {
             let calm = self.random.uniform(CALM[0], CALM[1]);
-            let begins = self.drawn.last().map_or(0.0, |gust| gust.ends) + calm;
+            let begins = self.gust.ends + calm;
             let ends = begins + self.random.uniform(LENGTH[0], LENGTH[1]);
             let side = if self.random.unit() < 0.5 { -1.0 } else { 1.0 };
             let peak = side * self.random.uniform(STRENGTH[0], STRENGTH[1]) * self.strongest;
-            self.drawn.push(Gust { begins, ends, peak });
+            self.gust = Gust { begins, ends, peak };
         }
-        let now = self.drawn.iter().rev().find(|gust| gust.begins <= time && time < gust.ends);
-        now.map_or(0.0, |gust| {
-            let share = (time - gust.begins) / (gust.ends - gust.begins);
-            let shape = (1.0 - libm::cos(2.0 * PI * share)) / 2.0;
-            gust.peak * shape * (speed / FULL_SPEED).min(1.0)
-        })
+        let Gust { begins, ends, peak } = self.gust;
+        if time < begins {
+            return 0.0;
+        }
+        let shape = (1.0 - libm::cos(2.0 * PI * ((time - begins) / (ends - begins)))) / 2.0;
+        peak * shape * (speed / FULL_SPEED).min(1.0)
     }
 }
 

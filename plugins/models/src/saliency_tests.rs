@@ -360,7 +360,7 @@ fn classes_and_boxes_of_networks_that_do_not_drive_can_be_explained() {
             assert!(expected.iter().all(|quarter| covered.contains(quarter)), "{explain}: {covered:?}");
         }
     }
-    // Both ways of naming a network are told what to do.
+    // Without a name, and with names that mean nothing.
     let steering = error(open::<HiResCam>(&file, json!({})).map(drop));
     assert!(
         steering.ends_with("if the network does not drive, name the number to explain with `explain`"),

@@ -11,14 +11,11 @@ use pdk_sdk::prelude::FrameBuf;
 use serde_json::json;
 
 use super::{Arguments, STANDARD, check_output, warn};
+use crate::verbs::saliency::frames::IMAGES;
 use crate::verbs::{Global, print_json};
 
 /// The format on standard output.
 const STREAMED: &str = "image.png";
-/// How the names of images end.
-const ENDINGS: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
-/// The quality of JPEG files.
-const QUALITY: u8 = 95;
 
 /// Where the result for each image goes: to the output itself, or into it under the image's name if there are several, it is a folder, or it ends in a
 /// slash.
@@ -48,7 +45,7 @@ pub fn outputs(inputs: &[PathBuf], output: &Path) -> Result<Vec<PathBuf>> {
         return refused("is a file");
     }
     let ending = output.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !is_folder && ENDINGS.contains(&ending.as_str()) {
+    if !is_folder && IMAGES.contains(&ending.as_str()) {
         return refused("is the name of one image");
     }
     let mut from: HashMap<&std::ffi::OsStr, &Path> = HashMap::new();
@@ -138,7 +135,8 @@ fn write(output: &Path, image: &FrameBuf) -> Result<()> {
     if output.as_os_str() != STANDARD {
         return pdk_image::write(output, image.as_ref());
     }
-    let bytes = pdk_image::encode(Path::new(STREAMED), image.as_ref(), QUALITY)?;
+    // The quality is one of JPEG.
+    let bytes = pdk_image::encode(Path::new(STREAMED), image.as_ref(), 100)?;
     pdk_notice::bytes(&bytes);
     Ok(())
 }

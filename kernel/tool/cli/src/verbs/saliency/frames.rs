@@ -14,7 +14,7 @@ use super::recorded::Recorded;
 use super::shown::Shown;
 
 /// How the names of images end, and those of the files that make a dataset of a folder.
-const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
+pub const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
 const RECORDS: [&str; 3] = ["json", "csv", "catalog"];
 
 /// Images, or frames of a record or a dataset.
