@@ -20,6 +20,7 @@ local settings = pdk.settings({
 	driver = "dave2",
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 }, -- the search goes from the first to the last, a climb takes each
+	level_scale = "", -- the scale that they are on; none: the published one. What does not reach all levels is left out
 	search = "bisect", -- or "climb"
 	resolution = 0.25, -- how close a bisection comes
 	roads = 8, -- how many random roads; fewer make intervals too narrow

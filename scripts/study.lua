@@ -27,6 +27,7 @@ local settings = pdk.settings({
 	drivers = { "dave2", "dave2_augmented", "dave2_temporal", "dave2_tub" }, -- the others are compared with the first
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 },
+	level_scale = "", -- the scale that the levels are on; none: the published one. What does not reach all levels is left out
 	search = "bisect", -- or "all"
 	roads = 8, -- how many random roads in each of the conditions; fewer than 4 leave the failing level open
 	road_seed = 1, -- seed of the first road; each further one has the next

@@ -9,6 +9,7 @@ pub static PRODUCT: Product = Product {
     plugins: PLUGINS,
     perturbations: PERTURBATIONS,
     pipelines: PIPELINES,
+    scales: SCALES,
     suites: SUITES,
     domain: include_str!("../../scripts/domain.toml"),
     modules: MODULES,
@@ -66,6 +67,11 @@ const PIPELINES: &[BuiltInScript] = scripts! {
     "collect": "training/collect.lua",
 };
 
+/// The scales on which a level means the same for every perturbation.
+const SCALES: &[BuiltInScript] = scripts! {
+    "calibrated-1": "scales/calibrated-1.scale.json",
+};
+
 /// The suites, which `pdk gate` knows by name.
 const SUITES: &[BuiltInScript] = scripts! {
     "smoke": "suites/smoke.toml",
@@ -111,18 +117,26 @@ mod tests {
         let scripts = repository().join("scripts");
         let files = |folder: &str| -> BTreeSet<String> {
             let files = std::fs::read_dir(scripts.join(folder)).unwrap().map(|entry| entry.unwrap().path());
-            let ending = if folder == "suites" { "toml" } else { "lua" };
+            let ending = match folder {
+                "suites" => "toml",
+                "scales" => "json",
+                _ => "lua",
+            };
             let scripts = files.filter(|file| file.extension().is_some_and(|own| own == ending));
             scripts.map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned()).collect()
         };
-        let names = |list: &[BuiltInScript]| list.iter().map(|script| script.name.to_owned()).collect();
+        let names = |list: &[BuiltInScript]| -> BTreeSet<String> {
+            list.iter().map(|script| script.name.to_owned()).collect()
+        };
         let pipelines: BTreeSet<String> = files("").union(&files("training")).cloned().collect();
         assert_eq!(pipelines, names(PIPELINES));
         assert_eq!(files("suites"), names(SUITES));
+        assert_eq!(files("scales"), names(SCALES).iter().map(|name| format!("{name}.scale")).collect());
         assert_eq!(files("library"), names(MODULES));
         assert_eq!(files("perturbations"), names(PERTURBATIONS));
-        for script in PIPELINES.iter().chain(SUITES).chain(MODULES).chain(PERTURBATIONS) {
-            assert_eq!(Path::new(script.file).file_stem().unwrap(), script.name);
+        for script in PIPELINES.iter().chain(SCALES).chain(SUITES).chain(MODULES).chain(PERTURBATIONS) {
+            let stem = Path::new(script.file).file_stem().unwrap().to_str().unwrap();
+            assert_eq!(stem.trim_end_matches(".scale"), script.name);
             assert_eq!(std::fs::read_to_string(repository().join(script.file)).unwrap(), script.source);
         }
     }

@@ -49,10 +49,35 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 		-- Says so where there is no such perturbation.
 		pdk.draws(name)
 	end
+	names = study.reaching(names, levels, settings.level_scale or "")
 	if settings.confidence <= 0 or settings.confidence >= 1 then
 		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 2)
 	end
 	return names, levels
+end
+
+-- The perturbations that reach all levels on a scale; the others are left out, because their shares could not be compared. With "" the
+-- levels are the published ones, which all have.
+function study.reaching(names: { string }, levels: { number }, level_scale: string): { string }
+	if level_scale == "" then
+		return names
+	end
+	local reaching, left_out = {}, {}
+	for _, name in names do
+		local reach = pdk.reach(name, level_scale)
+		if reach and reach[1] <= levels[1] and reach[2] >= levels[#levels] then
+			table.insert(reaching, name)
+		else
+			table.insert(left_out, name)
+		end
+	end
+	if #left_out > 0 then
+		print(`Left out, because they do not reach levels {levels[1]} to {levels[#levels]} of {level_scale}: {table.concat(left_out, ", ")}`)
+	end
+	if #reaching == 0 then
+		error(`no perturbation reaches levels {levels[1]} to {levels[#levels]} of {level_scale}; set other levels`, 3)
+	end
+	return reaching
 end
 
 -- How often a perturbation is driven at a level on a road: as often as `repeats` says where it draws anything at random, else once.
@@ -88,6 +113,12 @@ function study.driver_name(driver): string
 	return if type(driver) == "table" then driver.model or driver.name else driver
 end
 
+-- A perturbation at a level of the scale that is set; without one, of the published scale.
+function study.applied(settings, name: string, level: number)
+	local scale = settings.level_scale or ""
+	return { name = name, level = level, level_scale = if scale ~= "" then scale else nil }
+end
+
 -- Drives scenarios with the simulator that is set and a driver.
 function study.drive(settings, scenarios, driver)
 	return pdk.drive({
@@ -115,7 +146,7 @@ function study.search(settings, searchers, next_level, driver)
 					name = study.called(`{searcher.perturbation}@{level}`, searcher.road.number, searcher.again),
 					road = searcher.road.road,
 					["repeat"] = searcher.again - 1,
-					perturbations = { { name = searcher.perturbation, level = level } },
+					perturbations = { study.applied(settings, searcher.perturbation, level) },
 				})
 			end
 		end

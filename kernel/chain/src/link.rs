@@ -3,7 +3,8 @@
 use pdk_components::held::Held;
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
-use pdk_model::level::Level;
+use pdk_model::level::{Level, MAX_INTENSITY};
+use pdk_model::level_scale::MeasuredScale;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{ActsOn, Description, Geometry, Kind};
@@ -25,6 +26,8 @@ use crate::selection::Selector;
 pub struct Link {
     held: Held<dyn Perturbation>,
     level: Level,
+    /// The scale that the level is on; none if it is the published one.
+    scale: Option<MeasuredScale>,
     parameters: Parameters,
     dice: Dice,
     limits: Limits,
@@ -87,6 +90,7 @@ impl Link {
                 "it does not change frames, so leave `region`, `where` and the box of `during` out";
             return Err(Error::new(sentence).at(format_args!("perturbation `{name}`")));
         }
+        let scale = registry.catalog().level_scale(applied)?;
         let frames = if description.acts_on.is_frame() { description.history as usize } else { 0 };
         let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
         let mut held = Held::new(Kind::Perturbation, component, instance);
@@ -97,6 +101,7 @@ impl Link {
         Ok(Self {
             held,
             level: applied.level.clone(),
+            scale,
             limits: Limits {
                 part: applied.during.as_ref().map(Part::new),
                 mask: applied.region.as_ref().map(Mask::new).transpose()?,
@@ -249,11 +254,12 @@ impl Link {
         Ok(())
     }
 
-    /// The intensity in a frame; none if it is spared.
+    /// The published level in a frame, which may lie outside 0 to 4 if the level is on another scale; none if the frame is spared.
     fn level_of(&self, moment: &Moment<'_>) -> Option<f64> {
         let spared = self.limits.part.as_ref().is_some_and(|part| part.spares(moment.time))
             || self.dice.spares(moment.frame_index);
-        self.level.at(moment.time).filter(|_| !spared)
+        let level = self.level.at(moment.time).filter(|_| !spared)?;
+        self.scale.as_ref().map_or(Some(level), |scale| scale.published(level))
     }
 
     /// What it does to the places of things, with what limits it.
@@ -357,7 +363,9 @@ fn context<'a>(
     draws: Option<Draws>,
     (names, values): (&'a [String], &'a [f64]),
 ) -> Context<'a> {
-    let mut cx = Context::new(level, moment.frame_index, moment.time, key).with_values(names, values);
+    // What does not follow from parameters ends where the published levels end.
+    let mut cx = Context::new(level.clamp(0.0, MAX_INTENSITY), moment.frame_index, moment.time, key)
+        .with_values(names, values);
     (cx.travelled, cx.period, cx.speed) = (moment.travelled, moment.period, moment.speed);
     match draws {
         Some(Draws::PerSequence) => cx.with_stream(0),

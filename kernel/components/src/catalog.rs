@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::hash;
 use crate::reading;
+use crate::scales::Measured;
 use pdk_sdk::suggest;
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
@@ -59,12 +60,15 @@ pub struct Entry {
     /// BLAKE3 of a script that is part of pdk, in hexadecimal; none if there is a file to read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blake3: Option<String>,
+    /// The scales that a perturbation was measured for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scales: Vec<Measured>,
 }
 
 impl Entry {
     /// A component that stands for itself, in a file.
     pub fn new(description: Description, file: PathBuf) -> Self {
-        Self { description, file, base: None, plugin: None, blake3: None }
+        Self { description, file, base: None, plugin: None, blake3: None, scales: Vec::new() }
     }
 
     /// Whether it comes with pdk.
@@ -142,6 +146,12 @@ impl Catalog {
             let sentence = format!("there is no {kind} `{name}`; {}", suggest::hint(name, known));
             Error::of(ErrorKind::Configuration, sentence)
         })
+    }
+
+    /// A component to be changed; none if there is none.
+    pub(crate) fn get_mut(&mut self, kind: Kind, name: &str) -> Option<&mut Entry> {
+        let place = self.place(kind, name).ok()?;
+        self.entries.get_mut(place)
     }
 
     /// The component of a kind that is used if none is named: a built-in one that says so, or else another one.

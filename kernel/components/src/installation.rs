@@ -118,6 +118,7 @@ mod tests {
         plugins: &["one", "two"],
         perturbations: &[],
         pipelines: &[],
+        scales: &[],
         suites: &[],
         modules: &[],
         domain: "",

@@ -22,6 +22,7 @@ pub mod loader;
 pub mod product;
 mod reading;
 pub mod registry;
+pub mod scales;
 pub mod search_path;
 
 pub use description::check as check_description;

@@ -14,6 +14,8 @@ pub struct Product {
     pub perturbations: &'static [BuiltInScript],
     /// The pipelines that can be run by their name.
     pub pipelines: &'static [BuiltInScript],
+    /// The scales of levels that perturbations know by their name.
+    pub scales: &'static [BuiltInScript],
     /// The suites that a gate knows by their name.
     pub suites: &'static [BuiltInScript],
     /// What perturbations and simulators stand for in an operational design domain, as a table in TOML.
@@ -54,6 +56,7 @@ static NOTHING: Product = Product {
     plugins: &[],
     perturbations: &[],
     pipelines: &[],
+    scales: &[],
     suites: &[],
     domain: "",
     modules: &[],

@@ -17,6 +17,7 @@ use crate::inspection;
 use crate::installation;
 use crate::loader::Plugin;
 use crate::product::{self, BuiltInScript};
+use crate::scales::{self, Scale};
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
 use pdk_supervise::calls::{self, Function};
 
@@ -128,6 +129,7 @@ impl Registry {
             registry.add_beside(place);
         }
         registry.add_drop_ins(search);
+        registry.add_scales(search)?;
         Ok(registry)
     }
 
@@ -390,6 +392,34 @@ impl Registry {
                 }
             }
         }
+    }
+
+    /// Adds the scales of the product, and those in the given folders and beside plugins.
+    fn add_scales(&mut self, search: &SearchPath) -> Result<()> {
+        let mut names = BTreeSet::new();
+        for (name, scale) in scales::built_in(product::get().scales)? {
+            self.catalog.add_scale(&name, &scale);
+            names.insert(name);
+        }
+        let mut folders = search.drop_ins.clone();
+        folders.extend(self.places.iter().map(|place| place.join(scales::FOLDER)));
+        for file in folders.iter().flat_map(|folder| self.files_of(folder)).collect::<Vec<_>>() {
+            let Some(name) = scales::name_of(&file) else { continue };
+            // The same folder may be looked into by several ways.
+            if !self.seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+                continue;
+            }
+            let shown = file.display();
+            let read = || Scale::read(&std::fs::read_to_string(&file)?);
+            match read() {
+                Ok(scale) if names.insert(name.to_owned()) => self.catalog.add_scale(name, &scale),
+                Ok(_) => self.refused.push(Error::new(format!(
+                    "the scale `{name}` of {shown} is left out, because another one has the same name and comes first; rename {shown}"
+                ))),
+                Err(error) => self.refused.push(error.at(format_args!("scale {shown}"))),
+            }
+        }
+        Ok(())
     }
 
     /// The files of a folder by name, as for [`Registry::content_of`].

@@ -26,7 +26,7 @@ use pdk_truth::taken::{Take, Taken};
 pub const VERSION: u32 = 2;
 /// The minor version. A session sends no work that is newer than the minor version of the worker, and both ends ignore fields and messages that are
 /// newer than their own.
-pub const MINOR: u32 = 1;
+pub const MINOR: u32 = 2;
 
 /// A message to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]

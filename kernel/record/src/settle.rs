@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use pdk_model::component::ComponentSpec;
+use pdk_model::level_scale::LevelScale;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
@@ -86,6 +87,10 @@ impl Settler<'_> {
         for perturbation in applied {
             if let Some(Region::Mask(path)) = &mut perturbation.region {
                 *path = as_recorded(path);
+            }
+            // A scale that there is not is refused when the perturbation is made.
+            if let Ok(Some(measured)) = self.catalog.level_scale(perturbation) {
+                perturbation.level_scale = Some(LevelScale::Measured(measured));
             }
             self.parameters(Kind::Perturbation, &perturbation.name, &mut perturbation.parameters);
             if let Some(selection) = &mut perturbation.selection {

@@ -116,14 +116,7 @@ impl Level {
     /// # Errors
     /// If a level is not from 0 to 4, or the course is none.
     pub fn check(&self, what: &str) -> Result<()> {
-        let levels: Vec<f64> = match self {
-            Level::Constant(level) => vec![*level],
-            Level::Ramp { ramp } => vec![ramp.from, ramp.to],
-            Level::Pulse { pulse } => std::iter::once(pulse.level).chain(pulse.rest).collect(),
-            Level::Points { points } => points.iter().map(|[_, level]| *level).collect(),
-            Level::Frames { frames } => frames.levels.clone(),
-        };
-        if let Some(wrong) = levels.iter().find(|level| !(0.0..=MAX_INTENSITY).contains(*level)) {
+        if let Some(wrong) = self.values().iter().find(|level| !(0.0..=MAX_INTENSITY).contains(*level)) {
             return Err(out_of_range(what, &wrong.to_string()));
         }
         let times: Vec<f64> = match self {
@@ -177,6 +170,17 @@ impl Level {
                 }
             }
             Level::Frames { frames } => frames.at(time),
+        }
+    }
+
+    /// The levels that it is made of: it never goes below the least or above the greatest of them.
+    pub fn values(&self) -> Vec<f64> {
+        match self {
+            Level::Constant(level) => vec![*level],
+            Level::Ramp { ramp } => vec![ramp.from, ramp.to],
+            Level::Pulse { pulse } => std::iter::once(pulse.level).chain(pulse.rest).collect(),
+            Level::Points { points } => points.iter().map(|[_, level]| *level).collect(),
+            Level::Frames { frames } => frames.levels.clone(),
         }
     }
 

@@ -16,6 +16,7 @@ pub mod during;
 pub mod error;
 pub mod failure;
 pub mod level;
+pub mod level_scale;
 pub mod outcome;
 pub mod pace;
 pub mod perturbation;

@@ -10,6 +10,7 @@ use crate::component::{check_values, unfold, without_value};
 use crate::during::During;
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
+use crate::level_scale::LevelScale;
 use crate::region::Region;
 use crate::selection::Selection;
 use crate::text::{parse_value, split_outside_brackets};
@@ -159,6 +160,14 @@ modifiers! {
         examples: &[r#""METHOD,model=FILE.onnx""#, r#"{"by":"METHOD,model=FILE.onnx","every":5,"follow":true}"#],
         luau_type: "(string | Attention)?",
         python: "str | Mapping[str, Any]",
+    }
+    level_scale: LevelScale as "level_scale", |name, value| placed(name, LevelScale::from_json(value)),
+    "The scale that its level is on, if it is not the published one, such as one on which a level means the same for every perturbation." {
+        details: "`pdk show NAME` lists the scales that a perturbation was measured for, and how far it reaches on each; `pdk calibrate` measures \
+                  one of your own.",
+        examples: &["SCALE"],
+        luau_type: "string?",
+        python: "str",
     }
     draws: Draws as "draws", draws, "Draw everything anew for every frame, or once." {
         details: "If it is not set, every perturbation does what the real effect would do: noise is drawn for every frame, \
@@ -373,8 +382,10 @@ fn as_written(value: Value) -> Value {
                 table.shift_remove("parameters");
                 table.extend(parameters);
             }
+            // What was measured for a scale is not what users write.
+            let is_scale = table.len() == 3 && table.contains_key("version") && table.contains_key("points");
             match table.get("name") {
-                Some(name @ Value::String(_)) if table.len() == 1 => name.clone(),
+                Some(name @ Value::String(_)) if table.len() == 1 || is_scale => name.clone(),
                 _ => table.into_iter().map(|(key, value)| (key, as_written(value))).collect(),
             }
         }

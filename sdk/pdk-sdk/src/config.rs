@@ -3,7 +3,7 @@
 use pdk_model::perturbation::MODIFIERS;
 use serde_json::{Map, Value};
 
-use crate::describe::{Description, Kind, LEVELS, Parameter, ParameterType, between_levels};
+use crate::describe::{Description, Kind, LEVELS, Parameter, ParameterType, along_levels};
 use crate::error::{Error, ErrorKind, Result};
 use crate::suggest::nearest;
 
@@ -95,7 +95,7 @@ pub fn frame_values(description: &Description, config: &Config, intensity: f64, 
             for (value, level) in values.iter_mut().zip(levels) {
                 *value = level.as_f64().unwrap_or_default();
             }
-            between_levels(&values, intensity)
+            parameter.in_range(along_levels(&values, intensity), intensity)
         }
         Some(Value::String(text)) => match &parameter.kind {
             ParameterType::Choice { options } => options.iter().position(|o| o == text).unwrap_or(0) as f64,

@@ -697,19 +697,28 @@ impl Parameter {
         words.first().is_some_and(|program| !program.is_empty()).then_some(words)
     }
 
-    /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the
-    /// nearest level's value outside them.
+    /// The value at an intensity, for a parameter that follows the intensity: linear between the levels. Outside them, to which only a
+    /// measured scale leads, it goes on in the same straight line as far as the parameter's range.
     pub fn at_intensity(&self, intensity: f64) -> Option<f64> {
-        self.levels.as_ref().map(|levels| between_levels(levels, intensity))
+        self.levels.as_ref().map(|levels| self.in_range(along_levels(levels, intensity), intensity))
+    }
+
+    /// A value at an intensity, which is in the parameter's range by itself unless the intensity is outside the levels.
+    pub(crate) fn in_range(&self, value: f64, intensity: f64) -> f64 {
+        match self.kind {
+            _ if (0.0..=(LEVELS - 1) as f64).contains(&intensity) => value,
+            ParameterType::Number { min, max } => value.clamp(min, max),
+            ParameterType::Integer { min, max } => value.clamp(min as f64, max as f64),
+            _ => value,
+        }
     }
 }
 
-/// The value at an intensity of what has these values at the levels: linear between them, and the nearest level's value
-/// outside them.
-pub fn between_levels(levels: &[f64; LEVELS], intensity: f64) -> f64 {
-    let position = intensity.clamp(0.0, (LEVELS - 1) as f64);
-    let lower = (position as usize).min(LEVELS - 2);
-    let fraction = position - lower as f64;
+/// The value at an intensity of what has these values at the levels: linear between them, and in the line of the nearest two outside them.
+pub(crate) fn along_levels(levels: &[f64; LEVELS], intensity: f64) -> f64 {
+    // Below 0 the conversion gives 0.
+    let lower = (intensity as usize).min(LEVELS - 2);
+    let fraction = intensity - lower as f64;
     // Exact at the levels themselves, so that published values come out as published.
     if fraction == 0.0 {
         levels[lower]
@@ -737,6 +746,17 @@ mod tests {
         assert_eq!(sigma.at_intensity(1.0), Some(0.06));
         assert!((sigma.at_intensity(1.5).unwrap() - 0.09).abs() < 1e-12);
         assert_eq!(Parameter::number("x", 1.0, "").at_intensity(2.0), None);
+    }
+
+    #[test]
+    fn outside_the_levels_values_go_on_as_far_as_the_range() {
+        let sigma = Parameter::by_level("sigma", [0.25, 0.5, 1.0, 2.0, 4.0], "spread").range(0.0, 9.0);
+        assert_eq!(
+            [-1.0, -0.5, 5.0, 6.5, 7.0].map(|level| sigma.at_intensity(level).unwrap()),
+            [0.0, 0.125, 6.0, 9.0, 9.0]
+        );
+        let count = Parameter::by_level("count", [5.0, 4.0, 3.0, 2.0, 1.0], "how many").range(0.0, 6.0);
+        assert_eq!([-2.0, 4.5, 8.0].map(|level| count.at_intensity(level).unwrap()), [6.0, 0.5, 0.0]);
     }
 
     #[test]

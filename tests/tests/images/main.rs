@@ -7,6 +7,7 @@ mod corrupt;
 mod damaged_streams;
 mod geometry;
 mod gradient;
+mod levels;
 mod masks;
 mod networks;
 mod offline;

@@ -66,8 +66,8 @@ fn a_pool_of_a_later_pdk_works_with_a_word() {
     let script = pipeline(folder.path(), SOURCE);
     let here = folder.path().join("here");
     run(&script, &here).args(["--workers", "1"]).succeed();
-    let to = r#"s/"minor":1,"run"/"minor":99,"later":1,"run"/; s/"slot"/"later":[],"slot"/; /"hello"/a {"later":{"a":1}}"#;
-    let from = r#"s/"minor":1,"pdk":"[^"]*"/"minor":99,"pdk":"9.9.9","later":{"a":1}/; /"ready"/!s/"success"/"later":2,"success"/; /"ready"/!s/"frames"/"later":3,"frames"/
+    let to = r#"s/"minor":2,"run"/"minor":99,"later":1,"run"/; s/"slot"/"later":[],"slot"/; /"hello"/a {"later":{"a":1}}"#;
+    let from = r#"s/"minor":2,"pdk":"[^"]*"/"minor":99,"pdk":"9.9.9","later":{"a":1}/; /"ready"/!s/"success"/"later":2,"success"/; /"ready"/!s/"frames"/"later":3,"frames"/
         s!"catalog":\[!&{"description":{"kind":"horn","name":"h"},"file":"/h"},!; /"done"/a {"later":{"a":1}}"#;
     let out = folder.path().join("out");
     let later = format!("sed -u '{to}' | {} | sed -u '{from}'", pool(1));
@@ -86,7 +86,7 @@ fn a_pool_of_an_earlier_pdk_works_without_what_it_does_not_have() {
     let script = pipeline(folder.path(), SOURCE);
     let here = folder.path().join("here");
     run(&script, &here).args(["--workers", "1"]).succeed();
-    let strip = r#"sed -u 's/"minor":1,//'"#;
+    let strip = r#"sed -u 's/"minor":2,//'"#;
     let earlier = format!("{strip} | {} | {strip}", pool(1));
     let out = folder.path().join("out");
     let said = run(&script, &out).args(["--pool", &earlier]).succeed().stderr;

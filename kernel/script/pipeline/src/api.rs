@@ -153,6 +153,14 @@ pub const API: ApiTable = ApiTable {
             make: |lua| function(lua, "pdk.draws", |host, [name]| Ok(host.draws(&name)?.into())),
         },
         ApiFunction {
+            name: "reach",
+            signature: "(perturbation: string, level_scale: string) -> { number }?",
+            doc: "The lowest and the highest level that a perturbation without parameters reaches on a scale; nil if it reaches none. It is an error if it was not measured for the scale.",
+            make: |lua| {
+                function(lua, "pdk.reach", |host, [name, scale]| Ok(host.reach(&name, &scale)?.into()))
+            },
+        },
+        ApiFunction {
             name: "path",
             signature: "(relative: string) -> string",
             doc: "A path that counts from the folder of the pipeline rather than from the working directory.",

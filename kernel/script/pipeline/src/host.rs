@@ -18,6 +18,8 @@ mod tasks;
 
 use std::path::Path;
 
+use pdk_model::level_scale::LevelScale;
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::parse_seed;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -148,6 +150,23 @@ impl Host {
     pub(crate) fn perturbations(&self, all: bool) -> Vec<String> {
         let wanted = self.session.catalog().of_kind(Kind::Perturbation);
         wanted.filter(|c| all || c.description.default).map(|c| c.description.name.clone()).collect()
+    }
+
+    /// The lowest and the highest level that a perturbation reaches on a scale; none if it reaches none.
+    ///
+    /// # Errors
+    /// If it was not measured for the scale.
+    pub(crate) fn reach(&self, name: &Value, scale: &Value) -> Result<Option<Vec<f64>>> {
+        let (Some(name), Some(scale)) = (name.as_str(), scale.as_str()) else {
+            return Err(Error::new(format!(
+                "pdk.reach takes the names of a perturbation and of a scale, not {name} and {scale}"
+            )));
+        };
+        let mut applied = AppliedPerturbation::new(name, 0.0);
+        applied.level_scale = Some(LevelScale::Named(scale.to_owned()));
+        let measured =
+            self.session.catalog().measured_scale(&applied).map_err(|error| error.at("pdk.reach"))?;
+        Ok(measured.and_then(|measured| measured.reach()).map(|(low, high)| vec![low, high]))
     }
 
     /// `pdk.draws`: whether a perturbation draws anything at random.

@@ -50,17 +50,27 @@ pub fn named(catalog: &Catalog, texts: &[String]) -> Result<Vec<Condition>> {
     checked(conditions)
 }
 
-/// The conditions of a suite at these levels: the default set, or a family of perturbations.
+/// A suite of perturbations.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Suite<'a> {
+    /// [`DEFAULT_SUITE`], or a family.
+    pub name: &'a str,
+    /// `LEVEL` or `FROM..TO`; none for all levels.
+    pub levels: Option<&'a str>,
+    /// The scale that the levels are on; none for the published one.
+    pub level_scale: Option<&'a str>,
+    /// Perturbations that are left out.
+    pub without: &'a [String],
+}
+
+/// The conditions of a suite, and the perturbations that do not reach all of its levels on its scale, which are left out.
 ///
 /// # Errors
 /// If there is no such suite, or the levels are not `LEVEL` or `FROM..TO`.
-pub fn suite(
-    catalog: &Catalog,
-    name: &str,
-    levels: Option<&str>,
-    without: &[String],
-) -> Result<Vec<Condition>> {
-    let levels = levels.map_or_else(|| Ok(all_levels()), |levels| range("--levels", levels))?;
+pub fn suite(catalog: &Catalog, suite: &Suite<'_>) -> Result<(Vec<Condition>, Vec<String>)> {
+    let Suite { name, without, .. } = *suite;
+    let levels = suite.levels.map_or_else(|| Ok(all_levels()), |levels| range("--levels", levels))?;
+    let scale = suite.level_scale.map(|scale| format!(",level_scale={scale}")).unwrap_or_default();
     let of_suite = |family: &str, default: bool| match name {
         DEFAULT_SUITE => default,
         name => family == name,
@@ -79,17 +89,24 @@ pub fn suite(
             families.join(", ")
         )));
     }
-    let mut conditions = Vec::new();
+    let (mut conditions, mut left_out) = (Vec::new(), Vec::new());
     for member in members.iter().filter(|member| !without.contains(&member.name)) {
         // What has to be set stays out: there is no value to set.
         if Config::check(member, &Map::new()).is_err() {
             continue;
         }
-        for level in &levels {
-            conditions.push(condition(catalog, &format!("{}@{level}", member.name))?);
+        let at_all = levels.iter().map(|level| condition(catalog, &format!("{}@{level}{scale}", member.name)));
+        match at_all.collect::<Result<Vec<_>>>() {
+            Ok(at_all) => conditions.extend(at_all),
+            Err(error) if suite.level_scale.is_some() => left_out.push(error.to_string()),
+            Err(error) => return Err(error),
         }
     }
-    checked(conditions)
+    // If all are left out, the first says why.
+    match (conditions.is_empty(), left_out.first()) {
+        (true, Some(first)) => Err(Error::new(first.clone())),
+        _ => Ok((checked(conditions)?, left_out)),
+    }
 }
 
 /// Whether it is a component of its own, and not made from a file of the user's, which a suite of one name is not to depend on.
@@ -118,6 +135,7 @@ fn range(of: &str, text: &str) -> Result<Vec<String>> {
 fn condition(catalog: &Catalog, text: &str) -> Result<Condition> {
     let applied = AppliedPerturbation::parse(text)?;
     catalog.check(Kind::Perturbation, &applied.name, &applied.parameters)?;
+    catalog.level_scale(&applied)?;
     let Some(level) = applied.level.constant() else {
         return Err(Error::new(format!(
             "`{text}` changes its level over time, and a perturbed dataset has one level a folder; name a number"

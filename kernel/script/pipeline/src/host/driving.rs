@@ -170,10 +170,16 @@ impl Host {
         for component in components(&scenario.perturbations) {
             self.try_to_make(Kind::Perturbation, &component)?;
         }
+        self.check_levels(&scenario.perturbations)?;
         for (kind, component) in components_of(scenario) {
             self.note_files(kind, &component)?;
         }
         self.record.in_use.add_scenario(self.session.catalog(), scenario, info)
+    }
+
+    /// Makes sure that perturbations reach their levels on the scales that these are on.
+    pub(super) fn check_levels(&self, applied: &[AppliedPerturbation]) -> Result<()> {
+        applied.iter().try_for_each(|applied| self.session.catalog().level_scale(applied).map(drop))
     }
 
     /// Notes the files that a component reads, once.

@@ -36,6 +36,7 @@ impl Host {
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;
         }
+        self.check_levels(&cells)?;
         self.note_files(Kind::Dataset, &reader)?;
         self.note_files(Kind::Driver, &driver)?;
         for (kind, component) in components_of_all(&cells) {

@@ -55,6 +55,7 @@ impl Host {
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;
         }
+        self.check_levels(&cells)?;
         let folder =
             reader.parameters.values().filter_map(Value::as_str).map(Path::new).find(|path| path.is_dir());
         let (metric, files) = Metric::read(task, folder)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use pdk_corrupt::conditions;
+use pdk_corrupt::conditions::{self, Suite};
 use pdk_corrupt::corrupt::{self, Done};
 use pdk_corrupt::options::{Format, LabelsOption, Options};
 use pdk_model::scenario::parse_seed;
@@ -35,6 +35,9 @@ pub struct Arguments {
     /// The levels of the suite [default: 0..4]
     #[arg(long, value_name = "LEVEL[..LEVEL]", requires = "suite")]
     levels: Option<String>,
+    /// The scale that the levels of the suite are on; what does not reach all of them is left out [default: the published one]
+    #[arg(long, value_name = "SCALE", requires = "suite")]
+    level_scale: Option<String>,
     /// A perturbation of the suite that is left out; may be given several times
     #[arg(long, value_name = "NAME", requires = "suite")]
     without: Vec<String>,
@@ -96,7 +99,19 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
     let catalog = registry.catalog();
     let conditions = match &arguments.suite {
-        Some(suite) => conditions::suite(catalog, suite, arguments.levels.as_deref(), &arguments.without)?,
+        Some(name) => {
+            let suite = Suite {
+                name,
+                levels: arguments.levels.as_deref(),
+                level_scale: arguments.level_scale.as_deref(),
+                without: &arguments.without,
+            };
+            let (conditions, left_out) = conditions::suite(catalog, &suite)?;
+            for sentence in left_out {
+                eprintln!("pdk: warning: left out: {sentence}");
+            }
+            conditions
+        }
         None => conditions::named(catalog, &arguments.perturbations)?,
     };
     let processors = std::thread::available_parallelism().map_or(1, usize::from);

@@ -23,6 +23,7 @@ use crate::{memory, supervised};
 
 mod attack;
 mod cache;
+mod calibrate;
 mod check;
 mod completions;
 mod corrupt;
@@ -133,6 +134,8 @@ enum Verb {
     Corrupt(corrupt::Arguments),
     /// Show what perturbations do to an image: a sheet, strips and clips
     Preview(preview::Arguments),
+    /// Measure a scale on which a level means the same for every perturbation
+    Calibrate(calibrate::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
     Saliency(saliency::Arguments),
     /// Train a picture that makes a driver's network steer elsewhere: a patch on the road, or a change of every frame
@@ -206,6 +209,7 @@ impl Verb {
             Verb::Perturb(_)
             | Verb::Corrupt(_)
             | Verb::Preview(_)
+            | Verb::Calibrate(_)
             | Verb::Saliency(_)
             | Verb::Attack(_)
             | Verb::Reference(_) => true,
@@ -247,6 +251,7 @@ pub fn main() -> ExitCode {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
         Verb::Preview(arguments) => preview::run(global, arguments),
+        Verb::Calibrate(arguments) => calibrate::run(global, arguments),
         Verb::Corrupt(arguments) => corrupt::run(global, arguments),
         Verb::Saliency(arguments) => saliency::run(global, arguments),
         Verb::Attack(arguments) => attack::run(global, arguments),

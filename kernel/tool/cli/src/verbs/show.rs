@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use pdk_components::catalog::Entry;
+use pdk_components::scales::Measured;
+use pdk_model::level::LEVELS;
 use pdk_notice::println;
 use pdk_preview::modifiers;
 use pdk_preview::reference::{allowed, settings};
@@ -124,6 +126,9 @@ fn print(component: &Entry) {
         let names = modifiers::names();
         fact("modifiers", &format!("{names}, as for every perturbation: `pdk perturb --help`"));
     }
+    for measured in &component.scales {
+        fact("scale", &on_scale(measured));
+    }
     if component.code() != component.file {
         fact("code", &component.code().display().to_string());
     }
@@ -133,6 +138,27 @@ fn print(component: &Entry) {
         println!("{}", wrapped("      ", &parameter.doc));
     }
     println!();
+}
+
+/// How far a perturbation reaches on a scale, and where the levels of the scale are among the published ones.
+fn on_scale(measured: &Measured) -> String {
+    let Measured { parameters, scale } = measured;
+    let with = match parameters.is_empty() {
+        true => String::new(),
+        false => format!(" with {}", settings(parameters)),
+    };
+    let Some((low, high)) = scale.reach() else {
+        return format!("{}{with}: reaches no level of it", scale.name);
+    };
+    let whole = (0..LEVELS).map(|level| level as f64).filter(|level| (low..=high).contains(level));
+    let (levels, published): (Vec<_>, Vec<_>) = whole
+        .filter_map(|level| Some((level.to_string(), format!("{:.2}", scale.published(level)?))))
+        .unzip();
+    let places = match levels.is_empty() {
+        true => String::new(),
+        false => format!("; its {} are the published {}", levels.join(" "), published.join(" ")),
+    };
+    format!("{}{with}: reaches levels {low} to {high} of it{places}", scale.name)
 }
 
 /// The kind of a component, and of a perturbation also its family and when it is used.

@@ -1,0 +1,203 @@
+//! Measures where the levels of a scale lie for a perturbation.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
+use pdk_components::registry::Registry;
+use pdk_components::scales::OfPerturbation;
+use pdk_model::level::{LEVELS, Level, MAX_INTENSITY};
+use pdk_model::level_scale::{LevelScale, MeasuredScale, PUBLISHED_LEVELS};
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{FrameBuf, Temporal};
+
+use crate::cost;
+use crate::curve::Curve;
+
+/// Between two published levels that are measured.
+const STEP: f64 = 0.25;
+/// Between two levels of a scale of which it is said where they lie.
+const POINT_STEP: f64 = 0.25;
+/// Frames a second, for what moves.
+const RATE: f64 = 20.0;
+/// Frames of a sequence between two frames that are measured, so that what comes and goes is seen at different moments.
+const APART: u64 = 37;
+
+/// What a perturbation costs at the levels 0, 1, 2, 3 and 4 of a scale, in rising order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Costs(pub [f64; LEVELS]);
+
+impl Costs {
+    /// The cost at a level: between whole levels it grows by equal factors.
+    pub fn at(&self, level: f64) -> f64 {
+        let lower = (level as usize).min(LEVELS - 2);
+        let (low, high) = (self.0[lower], self.0[lower + 1]);
+        low * libm::pow(high / low, level - lower as f64)
+    }
+
+    /// The level that costs so much, which may be outside 0 to 4.
+    fn level_of(&self, cost: f64) -> f64 {
+        let lower = self.0.partition_point(|&known| known <= cost).saturating_sub(1).min(LEVELS - 2);
+        let (low, high) = (self.0[lower], self.0[lower + 1]);
+        lower as f64 + libm::log(cost / low) / libm::log(high / low)
+    }
+}
+
+/// Where the levels of a scale lie for perturbations with their parameters, each measured on all frames; or why one cannot be measured.
+/// `done` is called after each.
+pub fn all(
+    registry: &Registry,
+    perturbations: &[AppliedPerturbation],
+    frames: &[FrameBuf],
+    costs: &Costs,
+    seed: u64,
+    done: &(dyn Fn() + Sync),
+) -> Vec<Result<OfPerturbation>> {
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(perturbations.len().max(1));
+    let mut measured: Vec<(usize, Result<OfPerturbation>)> = std::thread::scope(|scope| {
+        let work = || {
+            let mut measured = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(applied) = perturbations.get(index) else { return measured };
+                measured.push((index, of(registry, applied, frames, costs, seed)));
+                done();
+            }
+        };
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let join = |thread: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        threads.into_iter().flat_map(join).collect()
+    });
+    measured.sort_by_key(|(index, _)| *index);
+    measured.into_iter().map(|(_, measured)| measured).collect()
+}
+
+/// Where the levels of a scale lie for a perturbation.
+///
+/// # Errors
+/// If it cannot be measured on single frames, or fails at a published level.
+fn of(
+    registry: &Registry,
+    applied: &AppliedPerturbation,
+    frames: &[FrameBuf],
+    costs: &Costs,
+    seed: u64,
+) -> Result<OfPerturbation> {
+    let description = &registry.catalog().get(Kind::Perturbation, &applied.name)?.description;
+    let place = |error: Error| error.at(format_args!("perturbation `{}`", applied.name));
+    if !description.acts_on.is_frame() || description.history > 0 {
+        let sentence =
+            "what it does cannot be seen in single frames, so that it has no place on a scale; leave it out";
+        return Err(place(Error::new(sentence)));
+    }
+    let moving = description.temporal == Temporal::Dynamic;
+    let curve = curve(registry, applied, description.version, moving, frames, seed)?;
+    let points = points(&curve, costs);
+    Ok(OfPerturbation {
+        name: applied.name.clone(),
+        parameters: applied.parameters.clone(),
+        version: description.version,
+        points,
+    })
+}
+
+/// What a perturbation costs at all published levels at which it can be measured.
+fn curve(
+    registry: &Registry,
+    applied: &AppliedPerturbation,
+    version: u32,
+    moving: bool,
+    frames: &[FrameBuf],
+    seed: u64,
+) -> Result<Curve> {
+    let (low, high) = PUBLISHED_LEVELS;
+    // A scale that leads to every published level.
+    let scale = MeasuredScale {
+        name: "published levels".to_owned(),
+        version,
+        points: vec![[0.0, low], [MAX_INTENSITY, high]],
+    };
+    let mut at = AppliedPerturbation { level_scale: Some(LevelScale::Measured(scale)), ..applied.clone() };
+    let mut chain = Chain::new(registry, std::slice::from_ref(&at), seed)?;
+    let mut perturbed = FrameBuf::default();
+    let mut measured = Vec::new();
+    for step in 0..=((high - low) / STEP) as usize {
+        let published = low + step as f64 * STEP;
+        at.level = Level::Constant((published - low) / (high - low) * MAX_INTENSITY);
+        let mut sum = 0.0;
+        let mut failed = None;
+        for (number, frame) in frames.iter().enumerate() {
+            perturbed.resize(frame.width(), frame.height());
+            chain.begin_again(std::slice::from_ref(&at), seed.wrapping_add(number as u64));
+            let index = if moving { APART * (number as u64 + 1) } else { 0 };
+            let moment = Moment::new(index, index as f64 / RATE);
+            match chain.apply(frame.as_ref(), perturbed.as_mut(), &moment) {
+                Ok(()) => sum += cost::of(frame.as_ref(), perturbed.as_ref()),
+                Err(error) => failed = Some(error),
+            }
+        }
+        match failed {
+            None => measured.push([published, sum / frames.len() as f64]),
+            // Beyond the published levels it may not go on; what comes before them and fails is left out too.
+            Some(_) if published > MAX_INTENSITY => break,
+            Some(_) if published < 0.0 => measured.clear(),
+            Some(error) => return Err(error),
+        }
+    }
+    Ok(Curve::new(&measured))
+}
+
+/// Where the levels of a scale lie on a curve, as far as it reaches.
+fn points(curve: &Curve, costs: &Costs) -> Vec<[f64; 2]> {
+    let Some((lowest, highest)) = curve.range() else { return Vec::new() };
+    // A perturbation that does nothing at its weakest reaches level 0 from below.
+    let first = if lowest > 0.0 { costs.level_of(lowest).max(0.0) } else { 0.0 };
+    let last = costs.level_of(highest).min(MAX_INTENSITY);
+    // In hundredths, so that people can name what is reached.
+    let (first, last) = ((first * 100.0).ceil() / 100.0, (last * 100.0).floor() / 100.0);
+    let between = (0..=(MAX_INTENSITY / POINT_STEP) as usize).map(|step| step as f64 * POINT_STEP);
+    let mut levels: Vec<f64> = between.filter(|level| (first..=last).contains(level)).collect();
+    levels.extend([first, last].into_iter().filter(|_| first <= last));
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    // In thousandths: more digits say nothing.
+    let rounded = |level: f64| (level * 1000.0).round() / 1000.0;
+    let point = |level: f64| Some([level, rounded(curve.level_of(costs.at(level))?)]);
+    levels.into_iter().filter_map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COSTS: Costs = Costs([1.0, 2.0, 4.0, 8.0, 16.0]);
+
+    #[test]
+    fn costs_grow_by_equal_factors_between_levels() {
+        assert_eq!([0.0, 1.0, 4.0].map(|level| COSTS.at(level)), [1.0, 2.0, 16.0]);
+        assert!((COSTS.at(2.5) - 32f64.sqrt()).abs() < 1e-12);
+        for level in [0.0, 0.5, 1.0, 3.75, 4.0] {
+            assert!((COSTS.level_of(COSTS.at(level)) - level).abs() < 1e-12, "{level}");
+        }
+        assert!((COSTS.level_of(32.0) - 5.0).abs() < 1e-12 && (COSTS.level_of(0.5) + 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn points_end_where_the_perturbation_ends() {
+        // It costs twice its level plus one and a half.
+        let line: Vec<_> = (0..=5).map(|level| [f64::from(level), 1.5 + 2.0 * f64::from(level)]).collect();
+        let points = points(&Curve::new(&line), &COSTS);
+        let levels: Vec<f64> = points.iter().map(|point| point[0]).collect();
+        assert_eq!((levels[0], levels[levels.len() - 1]), (0.59, 3.52));
+        for [level, published] in points {
+            assert!((1.5 + 2.0 * published - COSTS.at(level)).abs() < 2e-3, "{level}");
+        }
+        let weak = [[0.0, 0.1], [4.0, 0.9]];
+        assert_eq!(super::points(&Curve::new(&weak), &COSTS), [] as [[f64; 2]; 0]);
+    }
+}
