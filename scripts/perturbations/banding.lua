@@ -29,8 +29,7 @@ return {
     },
 
     apply = function(image, cx)
-        local pixels, height = image.pixels, image.height
-        local row_bytes = image.width * 3
+        local height = image.height
 
         -- The lamps were switched on at some moment before the sequence began.
         local start = cx.sequence_random:unit()
@@ -45,10 +44,7 @@ return {
             local seconds = cx.time + cx.readout * y / height
             local phase = 2 * math.pi * (flicker * seconds + start)
             local light = 1 - cx.depth * (0.5 - 0.5 * seen * math.cos(phase))
-
-            for at = y * row_bytes, (y + 1) * row_bytes - 1 do
-                buffer.writeu8(pixels, at, buffer.readu8(pixels, at) * light + 0.5)
-            end
+            image:row_brightness(y, light)
         end
     end,
 }

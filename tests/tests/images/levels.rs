@@ -104,16 +104,20 @@ fn what_a_scale_does_not_have_is_refused() {
     pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@3..4,level_scale=own", "-o", "out"])
         .fail(1, &["level 4 of scale `own` cannot be had"]);
     let suite = |level: &'static str| {
-        let suite = ["corrupt", ".", "--suite", "weather", "--levels", level, "--level-scale", "own", "-o", "out"];
+        let suite =
+            ["corrupt", ".", "--suite", "weather", "--levels", level, "--level-scale", "own", "-o", "out"];
         pdk(folder.path(), &suite)
     };
     let warned = suite("1..3").succeed().stderr;
-    assert!(warned.contains("left out: perturbation `contrast`: scale `own` was measured with its version 99"), "{warned}");
+    assert!(
+        warned.contains("left out: perturbation `contrast`: scale `own` was measured with its version 99"),
+        "{warned}"
+    );
     let made = fs::read_dir(folder.path().join("out")).unwrap().map(|entry| entry.unwrap().file_name());
     let made: BTreeSet<_> = made.map(|name| name.into_string().unwrap()).collect();
     assert_eq!(made, ["fog_filter,level_scale=own", "manifest.json"].map(str::to_owned).into());
     fs::remove_dir_all(folder.path().join("out")).unwrap();
-    suite("4").fail(1, &["of scale `own`"]);
+    suite("4").fail(1, &["scale `own`"]);
     for (text, sentence) in [
         ("{", "own.scale.json: it is not a scale; `pdk calibrate` writes them"),
         (

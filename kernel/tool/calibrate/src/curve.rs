@@ -29,15 +29,15 @@ impl Curve {
         Some((lowest, self.points.last()?[1]))
     }
 
-    /// The published level that costs so much and after which all cost more: the cost may fall on the way. None if no level costs so much, or so
-    /// little.
-    pub fn level_of(&self, cost: f64) -> Option<f64> {
+    /// The two published levels, with their costs, between which the perturbation comes to cost so much, and after which it always costs more: the cost
+    /// may fall on the way. None if no level costs so much, or so little.
+    pub fn around(&self, cost: f64) -> Option<[[f64; 2]; 2]> {
         let (_, highest) = self.range()?;
         let last = self.points.iter().rposition(|point| point[1] <= cost)?;
-        let [before, low] = self.points[last];
+        let low = self.points[last];
         match self.points.get(last + 1) {
-            Some([after, high]) => Some(before + (after - before) * ((cost - low) / (high - low))),
-            None => (cost == highest).then_some(before),
+            Some(&high) => Some([low, high]),
+            None => (cost == highest).then_some([low, low]),
         }
     }
 }
@@ -50,30 +50,23 @@ mod tests {
     fn a_cost_lies_between_what_was_measured() {
         let curve = Curve::new(&[[-1.0, 0.0], [0.0, 2.0], [1.0, 6.0], [2.0, 6.5]]);
         assert_eq!(curve.range(), Some((0.0, 6.5)));
-        assert_eq!(
-            [0.0, 1.0, 2.0, 4.0, 6.5].map(|cost| curve.level_of(cost).unwrap()),
-            [-1.0, -0.5, 0.0, 0.5, 2.0]
-        );
-        assert_eq!([-0.1, 6.6].map(|cost| curve.level_of(cost)), [None, None]);
-        assert_eq!(Curve::new(&[]).level_of(1.0), None);
+        assert_eq!(curve.around(1.0), Some([[-1.0, 0.0], [0.0, 2.0]]));
+        assert_eq!(curve.around(2.0), Some([[0.0, 2.0], [1.0, 6.0]]));
+        assert_eq!(curve.around(6.5), Some([[2.0, 6.5], [2.0, 6.5]]));
+        assert_eq!([-0.1, 6.6].map(|cost| curve.around(cost)), [None, None]);
+        assert_eq!(Curve::new(&[]).around(1.0), None);
     }
 
     #[test]
     fn what_falls_back_is_left_out() {
         // The first level is strong, the second weak; at the end the parameters are at the end of their range.
-        let curve = Curve::new(&[
-            [0.0, 9.0],
-            [1.0, 2.0],
-            [2.0, 4.0],
-            [3.0, 8.0],
-            [4.0, 10.0],
-            [5.0, 10.0],
-            [6.0, 7.0],
-        ]);
+        let measured = [[0.0, 9.0], [1.0, 2.0], [2.0, 4.0], [3.0, 8.0], [4.0, 10.0], [5.0, 10.0], [6.0, 7.0]];
+        let curve = Curve::new(&measured);
         assert_eq!(curve.range(), Some((2.0, 10.0)));
-        assert_eq!([3.0, 8.0, 10.0].map(|cost| curve.level_of(cost).unwrap()), [1.5, 3.0, 4.0]);
+        assert_eq!(curve.around(9.0), Some([[3.0, 8.0], [4.0, 10.0]]));
         let dip = Curve::new(&[[0.0, 1.0], [1.0, 5.0], [2.0, 3.0], [3.0, 7.0]]);
-        assert_eq!([2.0, 3.0, 5.0].map(|cost| dip.level_of(cost).unwrap()), [0.25, 2.0, 2.5]);
+        assert_eq!(dip.around(2.0), Some([[0.0, 1.0], [1.0, 5.0]]));
+        assert_eq!(dip.around(4.0), Some([[2.0, 3.0], [3.0, 7.0]]));
         assert_eq!(dip.range(), Some((1.0, 7.0)));
     }
 }

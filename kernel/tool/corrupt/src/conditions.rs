@@ -95,7 +95,8 @@ pub fn suite(catalog: &Catalog, suite: &Suite<'_>) -> Result<(Vec<Condition>, Ve
         if Config::check(member, &Map::new()).is_err() {
             continue;
         }
-        let at_all = levels.iter().map(|level| condition(catalog, &format!("{}@{level}{scale}", member.name)));
+        let at_all =
+            levels.iter().map(|level| condition(catalog, &format!("{}@{level}{scale}", member.name)));
         match at_all.collect::<Result<Vec<_>>>() {
             Ok(at_all) => conditions.extend(at_all),
             Err(error) if suite.level_scale.is_some() => left_out.push(error.to_string()),

@@ -28,6 +28,21 @@ pub const OPERATIONS: &[Operation] = &[
         }),
     },
     Operation {
+        name: "row_brightness",
+        doc: "Multiplies each value of a row by `factor`, rounded half up and clipped to 0 to 255. A row that is not in the image changes nothing.",
+        arguments: &[
+            Argument::pixel("row", "the row, counted from 0 at the top"),
+            Argument::finite("factor", "1 leaves the row as it is"),
+        ],
+        work: Work::Draw(|mut dst, arguments| {
+            let (row, factor) = (arguments.pixel("row"), arguments.number("factor"));
+            let Some(row) = usize::try_from(row).ok().and_then(|row| dst.rows_mut().nth(row)) else { return };
+            // A cast drops the fraction and clips.
+            let table: [u8; 256] = std::array::from_fn(|value| (value as f64 * factor + 0.5) as u8);
+            row.iter_mut().for_each(|value| *value = table[usize::from(*value)]);
+        }),
+    },
+    Operation {
         name: "contrast",
         doc: "Multiplies the distance of each value from middle grey, 127.5, by `factor`, rounded and clipped to 0 to 255.",
         arguments: &[Argument::finite("factor", "1 leaves the image as it is")],

@@ -92,6 +92,18 @@ fn cases() -> Vec<(&'static str, Kernel)> {
         }),
         ("image:grayscale()", |src, dst, _| color::grayscale(src, dst)),
         ("image:brightness(1.3)", |src, dst, _| point::scale_about(src, dst, 0.0, 1.3)),
+        (
+            "image:row_brightness(1, 1.7) image:row_brightness(2, 0.4) image:row_brightness(-1, 0)",
+            |src, mut dst, _| {
+                dst.copy_from(src);
+                for (row, factor) in [(1, 1.7), (2, 0.4)] {
+                    let row = dst.rows_mut().nth(row).unwrap();
+                    row.iter_mut().for_each(|value| {
+                        *value = (f64::from(*value) * factor + 0.5).floor().min(255.0) as u8
+                    });
+                }
+            },
+        ),
         ("image:contrast(0.7)", |src, dst, _| point::scale_about(src, dst, 127.5, 0.7)),
         (
             "local b = buffer.create(256) for i = 0, 255 do buffer.writeu8(b, i, 255 - i) end image:lookup(b)",
