@@ -113,6 +113,19 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "calibrate",
+        &[
+            (
+                "pdk calibrate frames -o mine.scale.json",
+                "a scale of the default set on the images in a folder",
+            ),
+            (
+                "pdk calibrate frames --with my_fog --with pixelate,variant=corrected -o mine.scale.json",
+                "a scale of two perturbations, one with a parameter",
+            ),
+        ],
+    ),
+    (
         "preview",
         &[
             ("pdk preview road.png", "a sheet of the default set, and strips and clips of what moves"),

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind as IoErrorKind;
 use std::path::{Path, PathBuf};
 
+use pdk_model::scale_file::{self, Scale};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
@@ -17,7 +18,6 @@ use crate::inspection;
 use crate::installation;
 use crate::loader::Plugin;
 use crate::product::{self, BuiltInScript};
-use crate::scales::{self, Scale};
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
 use pdk_supervise::calls::{self, Function};
 
@@ -397,20 +397,21 @@ impl Registry {
     /// Adds the scales of the product, and those in the given folders and beside plugins.
     fn add_scales(&mut self, search: &SearchPath) -> Result<()> {
         let mut names = BTreeSet::new();
-        for (name, scale) in scales::built_in(product::get().scales)? {
-            self.catalog.add_scale(&name, &scale);
-            names.insert(name);
+        for script in product::get().scales {
+            let scale = Scale::read(script.source.as_bytes()).map_err(|error| error.at(script.file))?;
+            self.catalog.add_scale(script.name, &scale);
+            names.insert(script.name.to_owned());
         }
         let mut folders = search.drop_ins.clone();
-        folders.extend(self.places.iter().map(|place| place.join(scales::FOLDER)));
+        folders.extend(self.places.iter().map(|place| place.join(scale_file::FOLDER)));
         for file in folders.iter().flat_map(|folder| self.files_of(folder)).collect::<Vec<_>>() {
-            let Some(name) = scales::name_of(&file) else { continue };
+            let Some(name) = scale_file::name_of(&file) else { continue };
             // The same folder may be looked into by several ways.
             if !self.seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
                 continue;
             }
             let shown = file.display();
-            let read = || Scale::read(&std::fs::read_to_string(&file)?);
+            let read = || Scale::read(&std::fs::read(&file)?);
             match read() {
                 Ok(scale) if names.insert(name.to_owned()) => self.catalog.add_scale(name, &scale),
                 Ok(_) => self.refused.push(Error::new(format!(

@@ -89,7 +89,7 @@ impl Settler<'_> {
                 *path = as_recorded(path);
             }
             // A scale that there is not is refused when the perturbation is made.
-            if let Ok(Some(measured)) = self.catalog.level_scale(perturbation) {
+            if let Ok(Some(measured)) = self.catalog.measured_scale(perturbation) {
                 perturbation.level_scale = Some(LevelScale::Measured(measured));
             }
             self.parameters(Kind::Perturbation, &perturbation.name, &mut perturbation.parameters);

@@ -39,13 +39,15 @@ impl LevelScale {
     /// # Errors
     /// If it is neither a name nor what was measured.
     pub fn from_json(value: &Value) -> Result<Self> {
-        let scale: Self = serde_json::from_value(value.clone()).map_err(|_| {
-            Error::new(format!("the `level_scale` {value} is not the name of a scale; `pdk show NAME` lists those of a perturbation"))
-        })?;
-        if let Self::Measured(measured) = &scale {
+        if value.is_object() {
+            let measured: MeasuredScale = serde_json::from_value(value.clone())
+                .map_err(|error| Error::new(format!("the `level_scale` {value}: {error}")))?;
             measured.check_points()?;
+            return Ok(Self::Measured(measured));
         }
-        Ok(scale)
+        serde_json::from_value(value.clone()).map_err(|_| {
+            Error::new(format!("the `level_scale` {value} is not the name of a scale; `pdk show NAME` lists those of a perturbation"))
+        })
     }
 
     /// Its name.
@@ -62,20 +64,26 @@ impl MeasuredScale {
     ///
     /// # Errors
     /// If they are out of order or out of range.
-    pub fn check_points(&self) -> Result<()> {
-        let (low, high) = PUBLISHED_LEVELS;
-        let in_range = |[level, published]: &[f64; 2]| {
-            (0.0..=MAX_INTENSITY).contains(level) && (low..=high).contains(published)
-        };
-        let rising = |a: &[f64; 2], b: &[f64; 2]| a[0] < b[0] && a[1] <= b[1];
-        if self.points.iter().all(in_range) && self.points.is_sorted_by(rising) {
+    fn check_points(&self) -> Result<()> {
+        if self.are_points() {
             return Ok(());
         }
+        let (low, high) = PUBLISHED_LEVELS;
         Err(Error::new(format!(
             "the points of scale `{}` have to be [level, published level] in rising order, the first from 0 to {MAX_INTENSITY}, the second from \
              {low} to {high}; measure it again",
             self.name
         )))
+    }
+
+    /// Whether its points are in order and in range.
+    pub fn are_points(&self) -> bool {
+        let (low, high) = PUBLISHED_LEVELS;
+        let in_range = |[level, published]: &[f64; 2]| {
+            (0.0..=MAX_INTENSITY).contains(level) && (low..=high).contains(published)
+        };
+        let rising = |a: &[f64; 2], b: &[f64; 2]| a[0] < b[0] && a[1] <= b[1];
+        self.points.iter().all(in_range) && self.points.is_sorted_by(rising)
     }
 
     /// The lowest and the highest level that the perturbation reaches; none if it reaches none.
@@ -158,9 +166,11 @@ mod tests {
             let error = LevelScale::from_json(&table(wrong.clone())).unwrap_err().to_string();
             assert!(error.starts_with("the points of scale `own` have to be"), "{wrong}: {error}");
         }
-        for wrong in [json!(3), json!({"name": "own"}), json!(null)] {
+        for wrong in [json!(3), json!(null), json!([1])] {
             let error = LevelScale::from_json(&wrong).unwrap_err().to_string();
             assert!(error.contains("is not the name of a scale"), "{wrong}: {error}");
         }
+        let error = LevelScale::from_json(&json!({"name": "own"})).unwrap_err().to_string();
+        assert!(error.ends_with("missing field `version`"), "{error}");
     }
 }

@@ -21,6 +21,7 @@ pub mod outcome;
 pub mod pace;
 pub mod perturbation;
 pub mod region;
+pub mod scale_file;
 pub mod scenario;
 pub mod search;
 pub mod selection;

@@ -166,8 +166,8 @@ modifiers! {
         details: "`pdk show NAME` lists the scales that a perturbation was measured for, and how far it reaches on each; `pdk calibrate` measures \
                   one of your own.",
         examples: &["SCALE"],
-        luau_type: "string?",
-        python: "str",
+        luau_type: "(string | { name: string, version: number, points: { { number } } })?",
+        python: "str | Mapping[str, Any]",
     }
     draws: Draws as "draws", draws, "Draw everything anew for every frame, or once." {
         details: "If it is not set, every perturbation does what the real effect would do: noise is drawn for every frame, \

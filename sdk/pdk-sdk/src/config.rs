@@ -253,7 +253,7 @@ mod tests {
         assert_eq!(
             error(json!({"zzz": 1})),
             "perturbation `fog` has no parameter `zzz`; it has strength, mode, size, and the modifiers level, probability, region, \
-             during, where, attention, draws"
+             during, where, attention, level_scale, draws"
         );
         let of = |description: Description| {
             let given = json!({"probabilty": 0.5});

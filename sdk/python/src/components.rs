@@ -104,7 +104,9 @@ fn discover(py: Python<'_>, plugins: &[PathBuf], drop_ins: &[PathBuf]) -> PyResu
 
 /// What tells chains apart that cannot be made from each other.
 fn key(perturbations: &[AppliedPerturbation]) -> String {
-    perturbations.iter().map(AppliedPerturbation::label).collect::<Vec<_>>().join("\n")
+    // All but the level, at which a chain can begin again.
+    let without_levels: Vec<_> = perturbations.iter().map(|applied| applied.clone().at_level(0.0)).collect();
+    format!("{without_levels:?}")
 }
 
 /// A chain for some calls: one that is kept, or a new one.
@@ -116,6 +118,12 @@ pub fn take(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) ->
     };
     match kept {
         Some(mut chain) => {
+            // Of the same scale, but maybe at a level that it does not reach.
+            if perturbations.iter().any(|applied| applied.level_scale.is_some()) {
+                let registry = registry(py)?;
+                let mut checked = perturbations.iter().map(|applied| registry.catalog().level_scale(applied));
+                detached(py, || checked.try_for_each(|checked| checked.map(drop)))?;
+            }
             chain.begin_again(perturbations, seed);
             Ok(chain)
         }

@@ -118,17 +118,76 @@ fn what_a_scale_does_not_have_is_refused() {
     assert_eq!(made, ["fog_filter,level_scale=own", "manifest.json"].map(str::to_owned).into());
     fs::remove_dir_all(folder.path().join("out")).unwrap();
     suite("4").fail(1, &["scale `own`"]);
+    pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@1", "--level-scale", "own", "-o", "out"])
+        .fail(1, &["--level-scale is for a --suite"]);
     for (text, sentence) in [
-        ("{", "own.scale.json: it is not a scale; `pdk calibrate` writes them"),
+        ("{", "own.scale.json: it is not a scale (EOF while parsing"),
         (
-            r#"{"measure":"","costs":[],"frames":[],"perturbations":[{"name":"fog_filter","version":1,"points":[[2,1],[1,1]]}]}"#,
-            "in rising order",
+            r#"{"measure":"","costs":[1,2,3,4,5],"frames":[],"perturbations":[{"name":"fog_filter","version":1,"points":[[2,1],[1,1]]}]}"#,
+            "the points of `fog_filter` are out of order or out of range); `pdk calibrate` writes them",
         ),
     ] {
         fs::write(folder.path().join("scales/own.scale.json"), text).unwrap();
         let warned = pdk(folder.path(), &["list", "perturbation"]).succeed().stderr;
         assert!(warned.contains(sentence), "{warned}");
     }
+}
+
+#[test]
+fn scripts_go_beyond_the_published_levels_as_well() {
+    let folder = prepared();
+    let script = "return { doc = 'Darker', parameters = { { name = 'by', levels = { 1, 2, 3, 4, 6 }, min = 0, max = 100 } },
+        apply = function(image, cx) image:brightness(1 - cx.by / 100) end }";
+    fs::create_dir(folder.path().join("own")).unwrap();
+    fs::write(folder.path().join("own/darker.lua"), script).unwrap();
+    scale(folder.path(), &json!([{"name": "darker", "version": 1, "points": [[0, 0], [4, 8]]}]));
+    let perturbed = |with: &str| {
+        pdk(folder.path(), &["--plugins", "own", "perturb", "in.png", "--with", with, "-o", "out.png"])
+            .succeed();
+        fs::read(folder.path().join("out.png")).unwrap()
+    };
+    assert!(perturbed("darker@4,level_scale=own") == perturbed("darker,by=14"));
+    assert!(perturbed("darker@1,level_scale=own") == perturbed("darker@2"));
+    // Its name is on no list of a study that goes by a scale which it was not measured for.
+    let source = r#"print(pdk.reach("darker", "own")[2], pdk.reach("fog_filter", "own"), pdk.reach("fog_filter", "calibrated-1")[1])"#;
+    let file = pipeline(folder.path(), source);
+    let printed = pdk(folder.path(), &["--plugins", "own", "run", file.to_str().unwrap()]).succeed().stdout;
+    assert!(printed.contains("4\tnil\t0"), "{printed}");
+    let unknown = pipeline(folder.path(), r#"pdk.reach("fog_filter", "calibrated")"#);
+    pdk(folder.path(), &["run", unknown.to_str().unwrap()]).fail(
+        1,
+        &["pdk.reach: perturbation `fog_filter`: it has no scale `calibrated`; did you mean `calibrated-1`?"],
+    );
+}
+
+#[test]
+fn scales_of_one_name_are_told_apart_by_their_points() {
+    let folder = prepared();
+    fs::create_dir(folder.path().join("set")).unwrap();
+    pictures::road(80, 60, 3).save(folder.path().join("set/a.png")).unwrap();
+    let with = |level: f64, published: f64| {
+        format!(
+            r#"fog_filter@{level},level_scale={{"name":"x","version":1,"points":[[0,0],[4,{published}]]}}"#
+        )
+    };
+    let corrupt = |out: &str, with: &[String]| {
+        let given = with.iter().flat_map(|with| ["--with", with]);
+        pdk(folder.path(), &["corrupt", "set", "-o", out]).args(given).succeed();
+    };
+    corrupt("both", &[with(1.0, 1.0), with(2.0, 8.0)]);
+    corrupt("one", &[with(2.0, 8.0)]);
+    let picture =
+        |out: &str| fs::read(folder.path().join(out).join("fog_filter,level_scale=x/2/a.png")).unwrap();
+    assert!(picture("both") == picture("one"));
+}
+
+#[test]
+fn a_row_of_a_preview_is_empty_where_a_level_is_not_reached() {
+    let folder = prepared();
+    pdk(folder.path(), &["preview", "in.png", "--with", "fog_filter,level_scale=own", "-o", "preview"])
+        .succeed();
+    pdk(folder.path(), &["preview", "in.png", "--with", "fog_filter@4,level_scale=own", "-o", "preview"])
+        .fail(1, &["level 4 of scale `own` cannot be had"]);
 }
 
 #[test]
@@ -198,11 +257,24 @@ fn a_scale_is_measured_and_used() {
             assert!((cost / expected).ln().abs() < 0.2, "{name}@{level}: {cost}, not {expected}");
         }
     }
+    for (with, sentence) in [
+        ("fog_filter,probability=0.5", "a scale is measured without modifiers; name parameters alone"),
+        ("fog_filter@3", "--with fog_filter@3: all levels are measured; leave the level out"),
+    ] {
+        run(&["--with", with]).fail(1, &[sentence]);
+    }
+    run(&["--with", "fog_filter", "--with", "fog_filter"]).fail(1, &["it is named twice"]);
     run(&["--with", "frozen_frames"]).fail(1, &["what it does cannot be seen in single frames"]);
     run(&["--costs", "1,2,3,3,5"]).fail(1, &["--costs takes 5 numbers above 0 in rising order"]);
+    Pdk::new(["calibrate", "frames", "-o", "nowhere/mine.scale.json"])
+        .folder(folder.path())
+        .fail(1, &["cannot write nowhere/mine.scale.json: No such file or directory"]);
     Pdk::new(["calibrate", "frames", "-o", "mine.json"])
         .folder(folder.path())
-        .fail(1, &["mine.json does not end in .scale.json"]);
+        .fail(1, &["mine.json does not name a scale; write NAME.scale.json"]);
+    Pdk::new(["calibrate", "frames", "-o", "calibrated-1.scale.json"])
+        .folder(folder.path())
+        .fail(1, &["the scale `calibrated-1` comes with pdk"]);
 }
 
 /// Every perturbation of the default set is on the scale that comes with pdk, as it is now.

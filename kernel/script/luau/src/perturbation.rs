@@ -258,9 +258,19 @@ impl LuaPerturbation {
 }
 
 impl LuaPerturbation {
+    /// The values that the chain has computed, which may go beyond those of the published levels; alone, those of the intensity.
+    fn take_values(&mut self, cx: &Context<'_>) {
+        if cx.values().len() == self.description.parameters.len() {
+            self.values.clear();
+            self.values.extend_from_slice(cx.values());
+        } else {
+            frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        }
+    }
+
     /// Lets the script change a copy of a frame.
     fn run(&mut self, src: Frame<'_>, cx: &Context<'_>) -> Result<AnyUserData> {
-        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        self.take_values(cx);
         let image = self.image_of(src)?;
         self.sandbox.make(&self.script, |lua| self.cx.set(lua, cx, &self.values))?;
         let returned = self.sandbox.call(&self.script, &self.apply, (&image, &self.cx.table))?;
@@ -283,7 +293,7 @@ impl LuaPerturbation {
 impl LuaPerturbation {
     /// Lets the script change a signal.
     fn pass(&mut self, given: Numbers, cx: &Context<'_>) -> Result<Numbers> {
-        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        self.take_values(cx);
         self.sandbox.set_limits(&self.script, self.limits)?;
         self.sandbox.make(&self.script, |lua| {
             self.signal.set(given)?;
@@ -320,11 +330,11 @@ impl Perturbation for LuaPerturbation {
         size: [usize; 2],
         cx: &Context<'_>,
     ) -> Result<()> {
+        self.take_values(cx);
         let moves = self.points.as_ref().ok_or_else(|| {
             Error::new("it does not say where it moves things; add move_point = function(x, y, width, height, cx) ... end")
                 .at(&self.script)
         })?;
-        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
         self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1], 0))?;
         self.sandbox.make(&self.script, |lua| self.cx.set(lua, cx, &self.values))?;
         moves.apply((&self.sandbox, &self.script), points, way, size, &self.cx.table)

@@ -155,7 +155,7 @@ pub const API: ApiTable = ApiTable {
         ApiFunction {
             name: "reach",
             signature: "(perturbation: string, level_scale: string) -> { number }?",
-            doc: "The lowest and the highest level that a perturbation without parameters reaches on a scale; nil if it reaches none. It is an error if it was not measured for the scale.",
+            doc: "The lowest and the highest level that a perturbation without parameters reaches on a scale; nil if it reaches none or was not measured for it.",
             make: |lua| {
                 function(lua, "pdk.reach", |host, [name, scale]| Ok(host.reach(&name, &scale)?.into()))
             },

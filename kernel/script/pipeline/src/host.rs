@@ -152,20 +152,24 @@ impl Host {
         wanted.filter(|c| all || c.description.default).map(|c| c.description.name.clone()).collect()
     }
 
-    /// The lowest and the highest level that a perturbation reaches on a scale; none if it reaches none.
+    /// The lowest and the highest level that a perturbation reaches on a scale; none if it reaches none, or was not measured for it.
     ///
     /// # Errors
-    /// If it was not measured for the scale.
+    /// If there is no such perturbation or scale.
     pub(crate) fn reach(&self, name: &Value, scale: &Value) -> Result<Option<Vec<f64>>> {
         let (Some(name), Some(scale)) = (name.as_str(), scale.as_str()) else {
             return Err(Error::new(format!(
                 "pdk.reach takes the names of a perturbation and of a scale, not {name} and {scale}"
             )));
         };
+        let catalog = self.session.catalog();
+        let entry = catalog.get(Kind::Perturbation, name).map_err(|error| error.at("pdk.reach"))?;
+        if !entry.scales.iter().any(|measured| measured.scale.name == scale) && catalog.has_scale(scale) {
+            return Ok(None);
+        }
         let mut applied = AppliedPerturbation::new(name, 0.0);
         applied.level_scale = Some(LevelScale::Named(scale.to_owned()));
-        let measured =
-            self.session.catalog().measured_scale(&applied).map_err(|error| error.at("pdk.reach"))?;
+        let measured = catalog.measured_scale(&applied).map_err(|error| error.at("pdk.reach"))?;
         Ok(measured.and_then(|measured| measured.reach()).map(|(low, high)| vec![low, high]))
     }
 

@@ -2,7 +2,7 @@
 
 use pdk_sdk::prelude::Frame;
 
-use crate::measure::Costs;
+use crate::costs::Costs;
 
 /// The measure in words, as it stands in the files of scales.
 pub const MEASURE: &str = "root mean square of how much cells of 1/80 of the frame's width differ in brightness, and four times as much in colour";

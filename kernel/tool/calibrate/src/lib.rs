@@ -8,5 +8,6 @@
 #![forbid(unsafe_code)]
 
 pub mod cost;
+pub mod costs;
 pub mod curve;
 pub mod measure;

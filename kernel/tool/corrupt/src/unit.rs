@@ -164,7 +164,8 @@ impl<'a> Worker<'a> {
         seed: u64,
     ) -> Result<&'c mut Chain> {
         let applied = std::slice::from_ref(&condition.applied);
-        let key = condition.applied.label();
+        // All but the level, at which a chain can begin again.
+        let key = format!("{:?}", condition.applied.clone().at_level(0.0));
         if !chains.contains_key(&key) {
             chains.insert(key.clone(), Chain::new(job.registry, applied, seed)?);
         }

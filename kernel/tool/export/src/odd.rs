@@ -4,7 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use pdk_model::level_scale::LevelScale;
 use pdk_model::outcome::Verdict;
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_record::ledger::Line;
 use pdk_report::Evaluation;
 use pdk_report::named::Named;
@@ -218,12 +220,21 @@ fn count(
         count.roads.entry(line.scenario.road.to_string()).or_default().add(failed);
         // The level counts only for what a perturbation stands for.
         let perturbations = line.scenario.perturbations.iter().filter(|applied| by.contains(&applied.name));
-        for level in perturbations.filter_map(|applied| applied.level.constant()) {
+        for level in perturbations.filter_map(published) {
             count.driven_to = Some(count.driven_to.map_or(level, |to| to.max(level)));
             if failed {
                 count.failed_from = Some(count.failed_from.map_or(level, |from| from.min(level)));
             }
         }
+    }
+}
+
+/// The published level of a perturbation, if it is the same all the time.
+fn published(applied: &AppliedPerturbation) -> Option<f64> {
+    let level = applied.level.constant()?;
+    match &applied.level_scale {
+        Some(LevelScale::Measured(scale)) => scale.published(level),
+        _ => Some(level),
     }
 }
 

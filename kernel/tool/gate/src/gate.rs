@@ -195,6 +195,11 @@ impl Conduct {
         }
         program.settings(json!({"suite": loaded.named(), "old": old.named, "new": new.named}))?;
         let catalog = program.catalog().clone();
+        for text in &loaded.suite.perturbations {
+            for applied in loaded.suite.levels_of(text)? {
+                catalog.level_scale(&applied)?;
+            }
+        }
         loaded.open(&catalog, &mut |dataset| program.recording(dataset))?;
         let sides = [(Role::Old, old), (Role::New, new)];
         let decision = self.decide(program, loaded, &sides)?;

@@ -193,7 +193,7 @@ pub fn rows(
     progress.set_length(chosen.len() as u64);
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(chosen.len().max(1));
-    let mut rows: Vec<(usize, Result<Vec<RgbImage>>)> = std::thread::scope(|scope| {
+    let mut rows: Vec<(usize, Result<Vec<Option<RgbImage>>>)> = std::thread::scope(|scope| {
         let work = || {
             let mut rows = Vec::new();
             let mut view = options.maps.as_ref().map(|by| View::new(registry, by, options.seed));
@@ -201,13 +201,19 @@ pub fn rows(
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(shown) = chosen.get(index) else { return rows };
                 let pictures = shown.levels().into_iter().map(|applied| {
+                    let measured = registry.catalog().measured_scale(&applied)?;
+                    // A level that the user names is an error, but in a row its place stays empty.
+                    if !shown.one_level && measured.is_some_and(|scale| scale.check(&applied.level).is_err())
+                    {
+                        return Ok(None);
+                    }
                     let frame = perturbed(registry, &applied, source, options.seed, MOMENT)?;
                     let picture = picture::scaled(&frame, options.picture_width);
                     match &mut view {
-                        None => Ok(picture),
+                        None => Ok(Some(picture)),
                         Some(Ok(view)) => {
                             let heat = view.picture(frame.as_ref(), &Moment::new(0, MOMENT).alone())?;
-                            Ok(picture::stacked(&picture, &picture::scaled(&heat, picture.width())))
+                            Ok(Some(picture::stacked(&picture, &picture::scaled(&heat, picture.width()))))
                         }
                         Some(Err(error)) => Err(Error::of(error.kind(), error.to_string())),
                     }
@@ -226,13 +232,13 @@ pub fn rows(
     progress.finish_and_clear();
     // All rows are as long as the longest, the others with paper at their ends.
     let longest = rows.iter().flat_map(|(_, row)| row).map(Vec::len).max().unwrap_or(0);
-    let block = |(index, pictures): (usize, Result<Vec<RgbImage>>)| {
+    let of_all = rows.iter().flat_map(|(_, row)| row).flatten().flatten().next();
+    let paper = of_all.map(|any| RgbImage::from_pixel(any.width(), any.height(), picture::PAPER));
+    let block = |(index, pictures): (usize, Result<Vec<Option<RgbImage>>>)| {
         let mut pictures = pictures?;
-        if let Some(first) = pictures.first() {
-            let paper = RgbImage::from_pixel(first.width(), first.height(), picture::PAPER);
-            pictures.resize(longest, paper);
-        }
-        Ok(Block { label: chosen[index].label(), row: picture::row(&pictures)? })
+        pictures.resize(longest, None);
+        let pictures = pictures.into_iter().filter_map(|picture| picture.or_else(|| paper.clone()));
+        Ok(Block { label: chosen[index].label(), row: picture::row(&pictures.collect::<Vec<_>>())? })
     };
     rows.into_iter().map(block).collect()
 }

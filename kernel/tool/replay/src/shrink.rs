@@ -9,6 +9,7 @@
 use indicatif::ProgressBar;
 use pdk_model::canonical::canonical;
 use pdk_model::level::Level;
+use pdk_model::level_scale::LevelScale;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
@@ -39,6 +40,14 @@ pub struct Shrunk {
     pub attempts: usize,
     /// Under how many fresh seeds it failed, and how many drives say so: those in which no component failed.
     pub failed: (usize, usize),
+}
+
+/// The lowest level on a scale.
+fn lowest(scale: Option<&LevelScale>) -> f64 {
+    match scale {
+        Some(LevelScale::Measured(measured)) => measured.reach().map_or(0.0, |(low, _)| low),
+        _ => 0.0,
+    }
 }
 
 /// How far to go.
@@ -132,10 +141,11 @@ impl Shrinking<'_> {
                 scenario.perturbations[place].level = Level::Constant(level);
                 scenario
             };
-            let (mut passes, mut fails) = (0.0, before);
-            let lowest = at(&self.scenario, 0.0);
-            if before > 0.0 && self.fails(lowest)? {
-                fails = 0.0;
+            let least = lowest(self.scenario.perturbations[place].level_scale.as_ref());
+            let (mut passes, mut fails) = (least, before);
+            let weakest = at(&self.scenario, least);
+            if before > least && self.fails(weakest)? {
+                fails = least;
             }
             while fails - passes > precision {
                 let middle = (fails + passes) / 2.0;

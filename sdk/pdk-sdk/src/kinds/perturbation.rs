@@ -178,6 +178,11 @@ impl<'a> Context<'a> {
         self
     }
 
+    /// The values of the parameters in the order of the description; empty if none were given.
+    pub fn values(&self) -> &'a [f64] {
+        self.values
+    }
+
     /// The same context with the saliency map of the frame, and with those of the sequence so far.
     pub fn with_saliency(mut self, now: &'a [f32], earlier: EarlierMaps<'a>) -> Self {
         (self.saliency, self.earlier) = (Some(now), earlier);

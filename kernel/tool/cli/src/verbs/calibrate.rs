@@ -4,21 +4,23 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use pdk_calibrate::cost;
-use pdk_calibrate::measure::{self, Costs};
-use pdk_components::scales::{self, MeasuredFrame, OfPerturbation, Scale};
-use pdk_model::level::{LEVELS, MAX_INTENSITY};
+use pdk_calibrate::costs::Costs;
+use pdk_calibrate::measure;
+use pdk_components::product;
+use pdk_model::level::{DEFAULT_LEVEL, LEVELS, MAX_INTENSITY};
 use pdk_model::level_scale::MeasuredScale;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scale_file::{self, MeasuredFrame, OfPerturbation, Scale, are_costs};
 use pdk_model::scenario::parse_seed;
 use pdk_notice::{eprintln, println};
 use pdk_preview::{picture, preview};
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_terminal::table::table;
 
 use super::saliency::frames::Frames;
-use super::{Global, print_json};
+use super::{Global, check_writable, print_json};
 
 /// Arguments of `pdk calibrate`
 #[derive(clap::Args)]
@@ -49,16 +51,22 @@ pub struct Arguments {
     seed: u64,
 }
 
+/// A frame has at most this many rows, as it has at most this many columns.
+const MOST_ROWS: usize = 4096;
+
 /// Measures the scale, writes it, and shows how far each perturbation reaches.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let name = scales::name_of(&arguments.output).ok_or_else(|| {
+    let name = scale_file::name_of(&arguments.output).ok_or_else(|| {
         Error::new(format!(
-            "{} does not end in {}; name the file like NAME{}, from which the scale has its name",
+            "{} does not name a scale; write NAME{}, with a NAME of letters, digits, `_`, `-` and `.`",
             arguments.output.display(),
-            scales::ENDING,
-            scales::ENDING
+            scale_file::ENDING
         ))
     })?;
+    if product::get().scales.iter().any(|scale| scale.name == name) {
+        return Err(Error::new(format!("the scale `{name}` comes with pdk; write another name")));
+    }
+    check_writable(&arguments.output)?;
     let costs = costs(arguments.costs.as_deref())?;
     let registry = global.registry()?;
     let perturbations = chosen(&registry, arguments)?;
@@ -67,6 +75,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         let mut opened = Frames::open(&registry, path, arguments.count.map(usize::from))?;
         for index in 0..opened.len() {
             let shown = opened.read(index)?;
+            let [width, height] = [shown.frame.width(), shown.frame.height()];
+            if height * arguments.width as usize / width > MOST_ROWS {
+                return Err(Error::new(format!(
+                    "frame `{}` has {width}x{height} pixels and would have more than {MOST_ROWS} rows at --width {}; leave it out",
+                    shown.name, arguments.width
+                )));
+            }
             let frame = picture::to_frame(picture::scaled(&shown.frame, arguments.width))?;
             frames.push((shown.name, frame));
         }
@@ -103,7 +118,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         frames: frames.iter().map(measured_frame).collect(),
         perturbations: of_perturbations,
     };
-    pdk_sdk::file::write(&arguments.output, scale.text()?.as_bytes())?;
+    let place = || format!("cannot write {}", arguments.output.display());
+    pdk_sdk::file::write(&arguments.output, scale.text()?.as_bytes()).place(place())?;
     if global.json {
         return print_json(&serde_json::to_value(&scale)?);
     }
@@ -115,9 +131,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 fn costs(given: Option<&[f64]>) -> Result<Costs> {
     let Some(given) = given else { return Ok(cost::COSTS) };
     match <[f64; LEVELS]>::try_from(given) {
-        Ok(costs) if costs[0] > 0.0 && costs.is_sorted_by(|a, b| a < b) && costs[LEVELS - 1].is_finite() => {
-            Ok(Costs(costs))
-        }
+        Ok(costs) if are_costs(&costs) => Ok(Costs(costs)),
         _ => Err(Error::new(format!(
             "--costs takes {LEVELS} numbers above 0 in rising order, such as 2,4,8,16,32"
         ))),
@@ -138,12 +152,27 @@ fn chosen(
             .filter(|found| catalog.check(Kind::Perturbation, &found.name, &serde_json::Map::new()).is_ok());
         return Ok(usable.map(|found| AppliedPerturbation::new(&found.name, 0.0)).collect());
     }
-    let read = |text: &String| {
-        let applied = AppliedPerturbation::from_json_without_level(&text.as_str().into())?;
+    let mut chosen = Vec::new();
+    for text in &arguments.perturbations {
+        let applied = AppliedPerturbation::parse(text)?;
+        let mistake = |sentence: &str| Error::new(format!("--with {text}: {sentence}"));
+        if AppliedPerturbation::from_json_without_level(&text.as_str().into()).is_err() {
+            return Err(mistake("all levels are measured; leave the level out"));
+        }
+        let bare = AppliedPerturbation {
+            parameters: applied.parameters.clone(),
+            ..AppliedPerturbation::new(&applied.name, DEFAULT_LEVEL)
+        };
+        if applied != bare {
+            return Err(mistake("a scale is measured without modifiers; name parameters alone"));
+        }
+        if chosen.contains(&applied) {
+            return Err(mistake("it is named twice; leave one out"));
+        }
         catalog.check(Kind::Perturbation, &applied.name, &applied.parameters)?;
-        Ok(applied)
-    };
-    arguments.perturbations.iter().map(read).collect()
+        chosen.push(applied);
+    }
+    Ok(chosen)
 }
 
 /// A table of the published levels at which perturbations cost what the levels of the scale stand for.

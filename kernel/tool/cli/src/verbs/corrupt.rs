@@ -10,7 +10,7 @@ use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_preview::modifiers;
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
 use super::{Global, print_json};
@@ -112,7 +112,20 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             }
             conditions
         }
-        None => conditions::named(catalog, &arguments.perturbations)?,
+        None => {
+            // Options that conflict with each other are not required by others.
+            let of_suite = [
+                ("levels", arguments.levels.is_some()),
+                ("level-scale", arguments.level_scale.is_some()),
+                ("without", !arguments.without.is_empty()),
+            ];
+            if let Some((option, _)) = of_suite.iter().find(|(_, given)| *given) {
+                return Err(Error::new(format!(
+                    "--{option} is for a --suite; leave it out, and write it behind the names of --with"
+                )));
+            }
+            conditions::named(catalog, &arguments.perturbations)?
+        }
     };
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let options = Options {

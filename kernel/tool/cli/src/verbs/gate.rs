@@ -17,7 +17,7 @@ use pdk_supervise::supervisor::Limits;
 
 use super::recorded::{self, Driving};
 use super::settings::ToolSettings;
-use super::{Global, print_json};
+use super::{Global, check_writable, print_json};
 
 /// Arguments of `pdk gate`
 #[derive(clap::Args)]
@@ -57,26 +57,13 @@ impl Arguments {
         }
         let files = [&self.verdict, &self.markdown, &self.junit, &self.save_suite];
         for path in files.into_iter().flatten() {
-            check_writable(path).place(format_args!("cannot write {}", path.display()))?;
+            check_writable(path)?;
         }
         match &self.clips {
             Some(folder) => make_folder(folder),
             None => Ok(()),
         }
     }
-}
-
-/// Tries to make a file beside one that is to be written.
-fn check_writable(path: &Path) -> std::io::Result<()> {
-    if path.is_dir() {
-        return Err(std::io::Error::from(std::io::ErrorKind::IsADirectory));
-    }
-    // A pipe or a device is written to and not replaced.
-    if path.exists() && !path.is_file() {
-        return Ok(());
-    }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    tempfile::tempfile_in(folder).map(drop)
 }
 
 fn make_folder(folder: &Path) -> Result<()> {

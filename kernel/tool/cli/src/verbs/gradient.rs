@@ -54,7 +54,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let by = objective::values(&graph, by).place(&place)?;
     let built = objective.gradients(&graph, &by).place(&place)?;
     let written = Graph::new(built.model.clone()).place(&place)?;
-    pdk_sdk::file::write(output, &model::encode(&built.model))?;
+    let place = format!("cannot write {}", output.display());
+    pdk_sdk::file::write(output, &model::encode(&built.model)).place(&place)?;
     let shape = |name: &str| written.fact(name).map(|fact| fact.shape.clone());
     if global.json {
         let inputs = written.inputs().map(|name| Ok(json!({ "name": name, "shape": shape(name)? })));

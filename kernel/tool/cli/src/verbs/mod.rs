@@ -321,6 +321,19 @@ fn failed(error: &pdk_sdk::error::Error) -> ExitCode {
     interrupt::exit_code().map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
+/// Finds out whether a file can be written, before it is known what comes into it.
+fn check_writable(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let tried = match path {
+        path if path.is_dir() => Err(std::io::Error::from(std::io::ErrorKind::IsADirectory)),
+        // A pipe or a device is written to and not replaced.
+        path if path.exists() && !path.is_file() => Ok(()),
+        // A file is made beside it.
+        _ => tempfile::tempfile_in(folder).map(drop),
+    };
+    tried.place(format_args!("cannot write {}", path.display()))
+}
+
 /// Writes a JSON value to standard output.
 fn print_json(value: &serde_json::Value) -> Result<()> {
     println!("{}", serde_json::to_string_pretty(value)?);

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_components::catalog::Entry;
-use pdk_components::scales::Measured;
+use pdk_components::catalog::{Entry, Measured};
 use pdk_model::level::LEVELS;
 use pdk_notice::println;
 use pdk_preview::modifiers;
@@ -156,6 +155,7 @@ fn on_scale(measured: &Measured) -> String {
         .unzip();
     let places = match levels.is_empty() {
         true => String::new(),
+        false if levels.len() == 1 => format!("; its {} is the published {}", levels[0], published[0]),
         false => format!("; its {} are the published {}", levels.join(" "), published.join(" ")),
     };
     format!("{}{with}: reaches levels {low} to {high} of it{places}", scale.name)
