@@ -67,6 +67,6 @@ MODIFIERS = {
     "during": 'Mapping[str, Any]',
     "where": 'Mapping[str, Any]',
     "attention": 'str | Mapping[str, Any]',
-    "level_scale": 'str',
+    "level_scale": 'str | Mapping[str, Any]',
     "draws": 'Literal["per_frame", "per_sequence"]',
 }

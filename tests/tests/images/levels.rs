@@ -136,7 +136,7 @@ fn what_a_scale_does_not_have_is_refused() {
 #[test]
 fn scripts_go_beyond_the_published_levels_as_well() {
     let folder = prepared();
-    let script = "return { doc = 'Darker', parameters = { { name = 'by', levels = { 1, 2, 3, 4, 6 }, min = 0, max = 100 } },
+    let script = "return { doc = 'Darker', parameters = { { name = 'by', doc = 'by how much', levels = { 1, 2, 3, 4, 6 }, min = 0, max = 100 } },
         apply = function(image, cx) image:brightness(1 - cx.by / 100) end }";
     fs::create_dir(folder.path().join("own")).unwrap();
     fs::write(folder.path().join("own/darker.lua"), script).unwrap();
