@@ -99,7 +99,8 @@ mod tests {
                 let pixel = src.pixel(x, y).map(f32::from);
                 [0, 1, 2].map(|c| {
                     let gain = if sums[c] == 0.0 { 1.0 } else { (mean / sums[c]) as f32 };
-                    let corrected = (pixel[c] * gain).min(255.0).floor();
+                    // What lies within 1/4096 below a whole number counts as that number.
+                    let corrected = ((pixel[c] * gain).min(255.0) + (1.0 / 4096.0 - 0.5)).round_ties_even();
                     (corrected * share + pixel[c] * rest).round_ties_even() as u8
                 })
             });
