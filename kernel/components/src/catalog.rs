@@ -4,7 +4,6 @@
 use std::path::{Path, PathBuf};
 
 use pdk_model::component::ComponentSpec;
-use pdk_model::level_scale::MeasuredScale;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, ErrorKind, Result};
@@ -14,6 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::hash;
 use crate::reading;
+use pdk_sdk::level_scales::Measured;
 use pdk_sdk::suggest;
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
@@ -63,16 +63,6 @@ pub struct Entry {
     /// The scales that a perturbation was measured for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scales: Vec<Measured>,
-}
-
-/// A scale that a perturbation was measured for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
-    /// The parameters with which it was measured.
-    #[serde(default, skip_serializing_if = "Map::is_empty")]
-    pub parameters: Map<String, Value>,
-    /// Where the levels lie.
-    pub scale: MeasuredScale,
 }
 
 impl Entry {

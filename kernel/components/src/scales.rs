@@ -1,15 +1,13 @@
-//! The scales on which a level means the same for every perturbation, beside what they were measured for.
+//! Scales of levels in the catalog, beside the perturbations that were measured for them.
 
-use pdk_model::level_scale::{LevelScale, MeasuredScale};
+use pdk_model::level_scale::MeasuredScale;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scale_file::Scale;
-use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_sdk::suggest;
-use serde_json::{Map, Value};
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::Result;
+use pdk_sdk::level_scales::{self, Measured};
 
-use crate::catalog::{Catalog, Entry, Measured};
+use crate::catalog::Catalog;
 
 impl Catalog {
     /// Adds a scale to the perturbations that it was measured for and that there are.
@@ -21,80 +19,35 @@ impl Catalog {
         }
     }
 
-    /// Whether a scale was measured for any perturbation.
+    /// Whether any perturbation was measured for a scale.
     pub fn has_scale(&self, name: &str) -> bool {
         self.entries().iter().any(|entry| entry.scales.iter().any(|measured| measured.scale.name == name))
     }
 
-    /// The scale that the level of a perturbation is on, with what was measured for it; none if it is on the published one.
+    /// The scale that the level of a perturbation is on, as [`level_scales::reached`].
     ///
     /// # Errors
-    /// If the perturbation was not measured for it as it is used here, or does not reach the level.
+    /// If it was not measured for it as it is used here, or does not reach the level.
     pub fn level_scale(&self, applied: &AppliedPerturbation) -> Result<Option<MeasuredScale>> {
-        let measured = self.measured_scale(applied)?;
-        let checked = measured.as_ref().map_or(Ok(()), |measured| measured.check(&applied.level));
-        checked.map_err(|error| error.at(format_args!("perturbation `{}`", applied.name)))?;
-        Ok(measured)
+        let entry = self.get(Kind::Perturbation, &applied.name)?;
+        level_scales::reached(&entry.description, &entry.scales, applied)
     }
 
-    /// The same, whether the perturbation reaches the level or not.
+    /// The same, whether it reaches the level or not.
     ///
     /// # Errors
-    /// If the perturbation was not measured for it as it is used here.
+    /// If it was not measured for it as it is used here.
     pub fn measured_scale(&self, applied: &AppliedPerturbation) -> Result<Option<MeasuredScale>> {
-        let Some(scale) = &applied.level_scale else { return Ok(None) };
-        let place = |error: Error| error.at(format_args!("perturbation `{}`", applied.name));
         let entry = self.get(Kind::Perturbation, &applied.name)?;
-        let measured = match scale {
-            LevelScale::Measured(measured) => measured.clone(),
-            LevelScale::Named(name) => named(entry, name, &applied.parameters).map_err(place)?,
-        };
-        if measured.version != entry.description.version {
-            let sentence = format!(
-                "scale `{}` was measured with its version {}, and this is version {}; measure it again with `pdk calibrate`",
-                measured.name, measured.version, entry.description.version
-            );
-            return Err(place(Error::of(ErrorKind::Configuration, sentence)));
-        }
-        Ok(Some(measured))
+        level_scales::of(&entry.description, &entry.scales, applied)
     }
-}
-
-/// What was measured for a perturbation with these parameters.
-fn named(entry: &Entry, name: &str, parameters: &Map<String, Value>) -> Result<MeasuredScale> {
-    let mut of_name = entry.scales.iter().filter(|measured| measured.scale.name == name).peekable();
-    if of_name.peek().is_none() {
-        let hint = match entry.scales.is_empty() {
-            true => "it was measured for none; `pdk calibrate` measures one".to_owned(),
-            false => suggest::hint(name, entry.scales.iter().map(|measured| measured.scale.name.as_str())),
-        };
-        return Err(Error::of(ErrorKind::Configuration, format!("it has no scale `{name}`; {hint}")));
-    }
-    let wanted = complete(&entry.description, parameters);
-    let found = of_name.find(|measured| complete(&entry.description, &measured.parameters) == wanted);
-    found.map(|measured| measured.scale.clone()).ok_or_else(|| {
-        let sentence = format!(
-            "it was not measured for scale `{name}` with these parameters; leave them out, or measure a scale of your own with `pdk calibrate`"
-        );
-        Error::of(ErrorKind::Configuration, sentence)
-    })
-}
-
-/// Parameters with the defaults of those that are not set, and numbers however they are written. What the description does not allow is refused
-/// elsewhere.
-fn complete(description: &Description, given: &Map<String, Value>) -> Vec<(String, Value)> {
-    let values =
-        Config::check(description, given).map_or_else(|_| given.clone(), |config| config.values().clone());
-    let plain = |value: Value| value.as_f64().map_or(value, Value::from);
-    let mut all: Vec<_> = values.into_iter().map(|(name, value)| (name, plain(value))).collect();
-    all.sort_by(|a, b| a.0.cmp(&b.0));
-    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::describe::Parameter;
+    use crate::catalog::Entry;
+    use pdk_sdk::describe::{Description, Parameter};
     use serde_json::json;
 
     fn catalog() -> Catalog {

@@ -1,10 +1,9 @@
 //! Says when a scenario is over, and measures the drive until then.
 
+use pdk_metrics::comfort::Comfort;
 use pdk_model::failure::FailureCriteria;
 use pdk_model::outcome::{Cause, Measures};
 use pdk_sdk::prelude::{Scenario, State};
-
-use crate::comfort::Comfort;
 
 /// Looks at every state of a scenario, also at those of frames that the driver did not see.
 pub struct Judge {

@@ -14,7 +14,6 @@
 
 mod annotated;
 pub mod announced;
-mod comfort;
 pub mod drive;
 mod engine;
 mod environment;

@@ -19,6 +19,7 @@ pub mod ground;
 pub mod history;
 pub mod input_files;
 mod kinds;
+pub mod level_scales;
 pub mod signals;
 pub mod suggest;
 pub mod testing;

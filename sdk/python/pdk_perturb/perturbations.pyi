@@ -41,7 +41,7 @@ def adversarial_patch(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network
@@ -92,7 +92,7 @@ def artistic(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Repaints the frame in one of six styles of art, by a network.
@@ -121,7 +121,7 @@ def banding(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Dark bands of flickering lamps under a rolling shutter, which roll with the beat of mains and frame rate.
@@ -147,7 +147,7 @@ def biased_speed(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Tells the driver a speed that is too low, or too high, by a share of it.
@@ -170,7 +170,7 @@ def bit_errors(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Compresses the frame and lets some bits of the stream arrive wrong: colours and blocks go wrong up to the end of
@@ -195,7 +195,7 @@ def blank_frames(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shows a black picture in place of frames that are lost.
@@ -219,7 +219,7 @@ def canny_edges_mapping(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Darkens the frame and marks its edges in red; higher levels mark fewer, as published.
@@ -242,7 +242,7 @@ def condensation(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Mists the glass in front of the camera up, more and more, until a wiper passes and it begins again.
@@ -265,7 +265,7 @@ def contrast(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Spreads all values away from the middle grey.
@@ -284,7 +284,7 @@ def cutout_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blackens rectangles, at places that stay for a sequence.
@@ -305,7 +305,7 @@ def defective_pixels(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Makes photosites of the sensor dead, hot or stuck, and rows and columns as well, each of which spreads to its
@@ -329,7 +329,7 @@ def defocus_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Replaces every pixel by the mean of the disc around it.
@@ -349,7 +349,7 @@ def delayed_frames(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shows the frame of some time ago, as if the camera were late.
@@ -370,7 +370,7 @@ def dirty_lens(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blurred smudges of dirt on the lens.
@@ -390,7 +390,7 @@ def dotted_lines_mapping(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Draws dotted black lines, at places that stay for a sequence.
@@ -411,7 +411,7 @@ def drifting_clock(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Tells the driver a time that runs off.
@@ -433,7 +433,7 @@ def drifting_speed(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Tells the driver a speed whose error grows over time.
@@ -457,7 +457,7 @@ def dynamic_lightning_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays bolts of lightning over the frame, moving in simulation time in a loop of 10 s, in 40 % of which one shows;
@@ -488,7 +488,7 @@ def dynamic_object_overlay(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays birds in flight above the horizon over the frame, moving in simulation time in a loop of 4 s.
@@ -519,7 +519,7 @@ def dynamic_rain_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays streaks of rain over the frame, moving in simulation time in a loop of 3 s.
@@ -549,7 +549,7 @@ def dynamic_smoke_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays swathes of smoke over the frame, moving in simulation time in a loop of 4 s.
@@ -578,7 +578,7 @@ def dynamic_snow_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays flakes of snow over the frame, moving in simulation time in a loop of 4 s.
@@ -611,7 +611,7 @@ def dynamic_sun_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s; the sun turns with the
@@ -641,7 +641,7 @@ def elastic(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Displaces every pixel at random, smoothly, anew in every frame; level 0 is stronger than 1 to 3.
@@ -663,7 +663,7 @@ def exposure_hunting(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets the exposure swing around its aim, as automatic exposure does that corrects too much and too late.
@@ -685,7 +685,7 @@ def false_color_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Exchanges, inverts or adds channels; the levels are different effects, of which level 3 is the strongest.
@@ -737,7 +737,7 @@ def fgsm(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Changes each pixel a little so that a network steers elsewhere, by one step along the gradient of its steering.
@@ -831,7 +831,7 @@ def flicker(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lights the scene with lamps that flicker, so that bright and dark bands wander through the frame as its rows are
@@ -862,7 +862,7 @@ def fog_by_visibility(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Puts fog or dust between the camera and the scene that leaves a visibility in metres, so that what is further
@@ -895,7 +895,7 @@ def fog_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with white and some noise, drawn anew for every frame; it brightens more than it hides.
@@ -917,7 +917,7 @@ def fog_mapping(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with a grey fractal field, the same one in all frames of a sequence.
@@ -938,7 +938,7 @@ def frost_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays a texture of ice crystals over the frame, the same one always, and lowers saturation.
@@ -961,7 +961,7 @@ def frozen_frames(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Repeats the last frame that arrived while frames are lost, so that the picture freezes.
@@ -984,7 +984,7 @@ def gaussian_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Smooths with a Gaussian kernel.
@@ -1002,7 +1002,7 @@ def gaussian_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds normally distributed noise to every value, anew in every frame.
@@ -1021,7 +1021,7 @@ def ghosting(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets earlier frames shine through, each less than the one after it, so that what moves leaves a trail.
@@ -1041,7 +1041,7 @@ def glass_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Gives every pixel the colour of a random pixel nearby, the same one in all frames of a sequence.
@@ -1062,7 +1062,7 @@ def grayscale_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with its own grey.
@@ -1080,7 +1080,7 @@ def high_pass_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Subtracts a Gaussian blur from twice the frame: an unsharp mask, which emphasises edges.
@@ -1100,7 +1100,7 @@ def histogram_equalisation(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Equalises the histogram of the brightness in 8x8 tiles, under a limit of contrast.
@@ -1119,7 +1119,7 @@ def imagenet_c_brightness(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds to the brightness of every pixel, keeping its hue and saturation.
@@ -1139,7 +1139,7 @@ def imagenet_c_contrast(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Draws the values of each channel together about their mean.
@@ -1160,7 +1160,7 @@ def imagenet_c_defocus_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Averages every pixel over a disc with soft edges.
@@ -1181,7 +1181,7 @@ def imagenet_c_elastic_transform(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Displaces every pixel at random, smoothly, in the same way in all frames of a sequence.
@@ -1202,7 +1202,7 @@ def imagenet_c_fog(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds a fractal field of grey, the same one in all frames of a sequence.
@@ -1224,7 +1224,7 @@ def imagenet_c_frost(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds a window of a texture of ice to the darkened frame, the same one in all frames of a sequence.
@@ -1245,7 +1245,7 @@ def imagenet_c_gaussian_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Smooths with a Gaussian kernel.
@@ -1265,7 +1265,7 @@ def imagenet_c_gaussian_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds normally distributed noise to every value, anew in every frame.
@@ -1287,7 +1287,7 @@ def imagenet_c_glass_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Smooths, gives pixels the colours of random ones nearby, and smooths again.
@@ -1309,7 +1309,7 @@ def imagenet_c_impulse_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Sets random values to 0 or 255, anew in every frame.
@@ -1329,7 +1329,7 @@ def imagenet_c_jpeg_compression(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Compresses the frame as JPEG and decompresses it again.
@@ -1350,7 +1350,7 @@ def imagenet_c_motion_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blurs along a line at a random angle within 45 degrees of the horizontal.
@@ -1371,7 +1371,7 @@ def imagenet_c_pixelate(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shrinks the frame and enlarges it to blocks.
@@ -1392,7 +1392,7 @@ def imagenet_c_saturate(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Makes colours paler or more vivid; what is added to the saturation of grey makes it red.
@@ -1413,7 +1413,7 @@ def imagenet_c_shot_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Replaces every value by a random photon count around it, anew in every frame.
@@ -1439,7 +1439,7 @@ def imagenet_c_snow(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays streaks of snow over the frame and whitens it, anew in every frame.
@@ -1470,7 +1470,7 @@ def imagenet_c_spatter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Drops of water (levels 0 to 2) or mud (3 and 4) on the lens, the same ones in all frames of a sequence.
@@ -1496,7 +1496,7 @@ def imagenet_c_speckle_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Multiplies every value by a normally distributed number around 1, anew in every frame.
@@ -1517,7 +1517,7 @@ def imagenet_c_zoom_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Averages the frame with its enlargements about the middle.
@@ -1539,7 +1539,7 @@ def impulse_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Sets random values to 255 and as many to 0, anew in every frame.
@@ -1561,7 +1561,7 @@ def increase_brightness(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Multiplies the brightness of every pixel, keeping its hue and saturation.
@@ -1581,7 +1581,7 @@ def jpeg_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Compresses every frame as JPEG and decompresses it again.
@@ -1602,7 +1602,7 @@ def lagging_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets steering and pedals follow the driver with a lag of first order.
@@ -1626,7 +1626,7 @@ def late_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Applies a control some time after the frame that it answers: always the same, with jitter, or as it was
@@ -1657,7 +1657,7 @@ def late_speed(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Tells the driver the speed of some time ago.
@@ -1680,7 +1680,7 @@ def lens_flare(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Puts a bright source, such as the sun or a lamp, in front of the camera, with the veil, the rays and the images
@@ -1706,7 +1706,7 @@ def limited_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Limits how far the vehicle steers, and how much it accelerates and brakes.
@@ -1727,7 +1727,7 @@ def lost_blocks(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Loses runs of 16 x 16 blocks and shows the latest that came in their place, as a decoder that conceals losses
@@ -1750,7 +1750,7 @@ def lost_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Loses controls in bursts, while the vehicle keeps to the last one that came.
@@ -1776,7 +1776,7 @@ def lost_speed(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Loses readings of the speed in bursts, and tells the driver the last one meanwhile.
@@ -1800,7 +1800,7 @@ def low_pass_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Smooths brightness with a Gaussian kernel, keeping hue and saturation.
@@ -1819,7 +1819,7 @@ def motion_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Averages every pixel along a slanted line.
@@ -1843,7 +1843,7 @@ def night(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Repaints a day as a night, by a network.
@@ -1879,7 +1879,7 @@ def night_by_illuminance(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Takes the daylight away down to an illuminance, lights the road with headlights, and exposes as a camera does by
@@ -1917,7 +1917,7 @@ def noisy_speed(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds normally distributed noise to the speed that the driver gets.
@@ -1938,7 +1938,7 @@ def object_overlay(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays the project's logo over the middle of the frame.
@@ -1965,7 +1965,7 @@ def overlay(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays a green-screen clip of the user's over the frame.
@@ -1996,7 +1996,7 @@ def partial_frames(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Loses the lower rows of some frames and fills them as a receiver does, with those of the frame before.
@@ -2052,7 +2052,7 @@ def pgd(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Changes each pixel a little so that a network steers elsewhere, by several steps along the gradient of its
@@ -2148,7 +2148,7 @@ def phase_scrambling(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds random angles to the phases of each channel's Fourier transform, anew in every frame.
@@ -2168,7 +2168,7 @@ def pixelate(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shrinks the frame and enlarges it again.
@@ -2190,7 +2190,7 @@ def poisson_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Replaces every value by a random photon count around it, anew in every frame.
@@ -2209,7 +2209,7 @@ def posterize_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Reduces the number of tones of each channel.
@@ -2228,7 +2228,7 @@ def quantised_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Rounds controls to steps, as coarse messages or switched actuators do.
@@ -2256,7 +2256,7 @@ def rain_by_rate(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets it rain at a rate: near drops are streaks in front of what is further away, and the others take contrast
@@ -2293,7 +2293,7 @@ def raindrops_on_lens(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Drops of water sit on the lens out of focus, refract the scene, veil it, join and run down.
@@ -2323,7 +2323,7 @@ def rainy(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Repaints a dry day as a rainy one, with thick air and a wet road, by a network.
@@ -2347,7 +2347,7 @@ def reflection_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Stacks the bottom of the frame, upside down, under the frame and squeezes both to its height.
@@ -2368,7 +2368,7 @@ def reordered_frames(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shows frames out of order: each time one of the latest, drawn at random.
@@ -2398,7 +2398,7 @@ def repaint(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Repaints the frame with a network that makes of an image another one.
@@ -2436,7 +2436,7 @@ def rolling_shutter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Reads the rows of a frame one after the other, so that a turn shears the picture, and the vibration of the mount
@@ -2459,7 +2459,7 @@ def rotate_image(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Rotates the frame counter-clockwise over black; half a turn (level 4) can be closer to the original than a
@@ -2480,7 +2480,7 @@ def sample_pairing_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with an enlarged window of half its size; the window's place is drawn once per sequence.
@@ -2499,7 +2499,7 @@ def saturation_decrease_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Makes colours paler, keeping their hue and brightness.
@@ -2517,7 +2517,7 @@ def saturation_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Makes colours more vivid, keeping their hue and brightness.
@@ -2535,7 +2535,7 @@ def scale_image(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shrinks the frame and puts it in the middle of black.
@@ -2560,7 +2560,7 @@ def sensor_noise(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Takes the frame with a camera in little light, whose sensor counts few electrons, and amplifies it to the
@@ -2589,7 +2589,7 @@ def sharpen_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with a sharpened and brightened copy.
@@ -2609,7 +2609,7 @@ def shear_image(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Moves rows to the right, the lower the further, over black.
@@ -2630,7 +2630,7 @@ def slow_controls(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Limits how fast the steering and the pedals move.
@@ -2659,7 +2659,7 @@ def snow_by_rate(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets it snow at a rate: near flakes are streaks in front of what is further away, and the others hide the
@@ -2693,7 +2693,7 @@ def snow_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays a texture of falling snow over the frame, the same one always, and lowers saturation.
@@ -2719,7 +2719,7 @@ def snow_on_lens(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Flakes of snow land on the lens out of focus, veil the scene, creep down, pile up at the lower edge and melt.
@@ -2745,7 +2745,7 @@ def speckle_noise_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Multiplies every value by a normally distributed number around 1, anew in every frame.
@@ -2765,7 +2765,7 @@ def splatter_mapping(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays black discs over the frame, at places that stay for a sequence.
@@ -2811,7 +2811,7 @@ def square_attack(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Changes the colours of squares a little so that a network steers elsewhere, by random search that needs no
@@ -2893,7 +2893,7 @@ def static_lightning_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays bolts of lightning over the frame, standing still.
@@ -2917,7 +2917,7 @@ def static_object_overlay(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays birds in flight above the horizon over the frame, standing still.
@@ -2942,7 +2942,7 @@ def static_rain_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays streaks of rain over the frame, standing still.
@@ -2966,7 +2966,7 @@ def static_smoke_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays swathes of smoke over the frame, standing still.
@@ -2990,7 +2990,7 @@ def static_snow_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays flakes of snow over the frame, standing still.
@@ -3017,7 +3017,7 @@ def static_sun_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lays glare of a low sun over the frame, standing still; the sun turns with the vehicle in a bend, because a
@@ -3043,7 +3043,7 @@ def steering_offset(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shifts the steering to one side, as a wrong zero of its sensor does.
@@ -3063,7 +3063,7 @@ def steering_play(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Gives the steering play, so that the wheels follow only when it is used up.
@@ -3084,7 +3084,7 @@ def stuck_white_balance(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Balances colours for the light of lamps by day, as a camera does whose white balance is stuck.
@@ -3108,7 +3108,7 @@ def translate_image(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Shifts the frame to the right and up, over black.
@@ -3132,7 +3132,7 @@ def universal_perturbation(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Adds the same small change to every frame, such as one that was trained so that a network steers elsewhere at
@@ -3156,7 +3156,7 @@ def water_film(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Lets a film of water run down the glass in front of the camera, whose waves bend what is seen.
@@ -3187,7 +3187,7 @@ def wet_road(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Puts a film of water on the ground, which is darker then and mirrors what is above the horizon, with puddles if
@@ -3222,7 +3222,7 @@ def white_balance_filter(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Blends the frame with a version whose channels have equal means.
@@ -3242,7 +3242,7 @@ def zigzag_mapping(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Draws lines of black pixels that swing up and down, at places that stay for a sequence; level 4 changes fewer
@@ -3265,7 +3265,7 @@ def zoom_blur(
     during: Mapping[str, Any] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
-    level_scale: str | None = None,
+    level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
     """Averages the frame with its enlargements about the middle.

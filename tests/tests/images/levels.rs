@@ -161,7 +161,7 @@ fn scripts_go_beyond_the_published_levels_as_well() {
 }
 
 #[test]
-fn scales_of_one_name_are_told_apart_by_their_points() {
+fn scales_of_one_name_differ_by_their_points() {
     let folder = prepared();
     fs::create_dir(folder.path().join("set")).unwrap();
     pictures::road(80, 60, 3).save(folder.path().join("set/a.png")).unwrap();

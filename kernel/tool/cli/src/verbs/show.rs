@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_components::catalog::{Entry, Measured};
+use pdk_components::catalog::Entry;
 use pdk_model::level::LEVELS;
 use pdk_notice::println;
 use pdk_preview::modifiers;
 use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Geometry, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::level_scales::Measured;
 use pdk_sdk::suggest;
 use pdk_terminal::shell;
 use pdk_terminal::text::wrapped;

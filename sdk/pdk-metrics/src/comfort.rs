@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use pdk_sdk::prelude::State;
+use pdk_model::state::State;
 
 /// Two states that are closer in time than this, in seconds, say nothing about how the speed changes: a simulator may repeat a state,
 /// and quotients of tiny times are larger than any vehicle's acceleration.
