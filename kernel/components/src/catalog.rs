@@ -150,8 +150,7 @@ impl Catalog {
 
     /// A component to be changed; none if there is none.
     pub(crate) fn get_mut(&mut self, kind: Kind, name: &str) -> Option<&mut Entry> {
-        let place = self.place(kind, name).ok()?;
-        self.entries.get_mut(place)
+        self.place(kind, name).ok().map(|place| &mut self.entries[place])
     }
 
     /// The component of a kind that is used if none is named: a built-in one that says so, or else another one.

@@ -398,18 +398,14 @@ impl Registry {
     fn add_scales(&mut self, search: &SearchPath) -> Result<()> {
         let mut names = BTreeSet::new();
         for script in product::get().scales {
-            let scale = Scale::read(script.source.as_bytes()).map_err(|error| error.at(script.file))?;
-            self.catalog.add_scale(script.name, &scale);
+            self.catalog.add_scale(script.name, &Scale::read(script.source.as_bytes())?);
             names.insert(script.name.to_owned());
         }
         let mut folders = search.drop_ins.clone();
         folders.extend(self.places.iter().map(|place| place.join(scale_file::FOLDER)));
         for file in folders.iter().flat_map(|folder| self.files_of(folder)).collect::<Vec<_>>() {
             let Some(name) = scale_file::name_of(&file) else { continue };
-            // The same folder may be looked into by several ways.
-            if !self.seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
-                continue;
-            }
+            let Some(file) = self.first_look(&file) else { continue };
             let shown = file.display();
             let read = || Scale::read(&std::fs::read(&file)?);
             match read() {
