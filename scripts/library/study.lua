@@ -72,7 +72,7 @@ function study.reaching(names: { string }, levels: { number }, level_scale: stri
 		end
 	end
 	if #left_out > 0 then
-		print(`Left out, because they do not reach levels {levels[1]} to {levels[#levels]} of {level_scale}: {table.concat(left_out, ", ")}`)
+		print(`Left out, because {level_scale} does not have all of levels {levels[1]} to {levels[#levels]} for them: {table.concat(left_out, ", ")}`)
 	end
 	if #reaching == 0 then
 		error(`no perturbation reaches levels {levels[1]} to {levels[#levels]} of {level_scale}; set other levels`, 3)

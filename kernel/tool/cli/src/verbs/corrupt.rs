@@ -121,7 +121,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             ];
             if let Some((option, _)) = of_suite.iter().find(|(_, given)| *given) {
                 return Err(Error::new(format!(
-                    "--{option} is for a --suite; leave it out, and write it behind the names of --with"
+                    "--{option} is for a --suite; leave it out, or name a suite in the place of --with"
                 )));
             }
             conditions::named(catalog, &arguments.perturbations)?
