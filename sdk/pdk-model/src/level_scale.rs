@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::error::{Error, Result};
 use crate::level::{Level, MAX_INTENSITY};
 
-/// The published levels that a scale may reach: the parameters go on in straight lines before level 0 and after level 4.
+/// The published levels that a scale may reach: the parameters go on in straight lines below level 0 and above level 4.
 pub const PUBLISHED_LEVELS: (f64, f64) = (-4.0, 12.0);
 
 /// The scale that the level of a perturbation is on, if it is not the published one.
@@ -103,14 +103,19 @@ impl MeasuredScale {
         Some(before[1] + (after[1] - before[1]) * ((level - before[0]) / width))
     }
 
+    /// The same, if the perturbation reaches the level.
+    pub fn reached(&self, level: f64) -> Option<f64> {
+        let (low, high) = self.reach()?;
+        self.published(level).filter(|_| (low..=high).contains(&level))
+    }
+
     /// Makes sure that the perturbation reaches a level, or all levels of a course.
     ///
     /// # Errors
     /// If it does not.
     pub fn check(&self, level: &Level) -> Result<()> {
         let values = level.values();
-        let reaches = |value: &f64| self.reach().is_some_and(|(low, high)| (low..=high).contains(value));
-        let Some(beyond) = values.iter().find(|value| !reaches(value)) else { return Ok(()) };
+        let Some(beyond) = values.iter().find(|value| self.reached(**value).is_none()) else { return Ok(()) };
         let reached = match self.reach() {
             Some((low, high)) => format!("its parameters reach levels {low} to {high} of it"),
             None => "its parameters reach no level of it".to_owned(),
@@ -135,6 +140,10 @@ mod tests {
         assert_eq!([0.5, 0.75, 1.0, 2.0, 3.0].map(published), [-1.0, 0.5, 2.0, 4.5, 7.0]);
         // Outside nothing is made up.
         assert_eq!([0.0, 4.0].map(published), [-1.0, 7.0]);
+        assert_eq!(
+            [0.0, 0.5, 3.0, 4.0].map(|level| scale.reached(level)),
+            [None, Some(-1.0), Some(7.0), None]
+        );
         assert_eq!(measured(&[]).published(1.0), None);
         assert_eq!(measured(&[[2.0, 3.0]]).published(2.0), Some(3.0));
     }

@@ -707,8 +707,9 @@ impl Parameter {
     pub(crate) fn in_range(&self, value: f64, intensity: f64) -> f64 {
         match self.kind {
             _ if (0.0..=(LEVELS - 1) as f64).contains(&intensity) => value,
-            ParameterType::Number { min, max } => value.clamp(min, max),
-            ParameterType::Integer { min, max } => value.clamp(min as f64, max as f64),
+            // Not `clamp`, which panics if a plugin's range is upside down.
+            ParameterType::Number { min, max } => value.max(min).min(max),
+            ParameterType::Integer { min, max } => value.max(min as f64).min(max as f64),
             _ => value,
         }
     }
@@ -757,6 +758,8 @@ mod tests {
         );
         let count = Parameter::by_level("count", [5.0, 4.0, 3.0, 2.0, 1.0], "how many").range(0.0, 6.0);
         assert_eq!([-2.0, 4.5, 8.0].map(|level| count.at_intensity(level).unwrap()), [6.0, 0.5, 0.0]);
+        let upside_down = Parameter::by_level("x", [1.0, 2.0, 3.0, 4.0, 5.0], "anything").range(9.0, 0.0);
+        assert_eq!(upside_down.at_intensity(5.0), Some(0.0));
     }
 
     #[test]

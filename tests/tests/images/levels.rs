@@ -186,6 +186,11 @@ fn a_row_of_a_preview_is_empty_where_a_level_is_not_reached() {
     let folder = prepared();
     pdk(folder.path(), &["preview", "in.png", "--with", "fog_filter,level_scale=own", "-o", "preview"])
         .succeed();
+    // On a line through the row there are three pictures of five: the scale has levels 0.5 to 3.
+    let sheet = image::open(folder.path().join("preview/sheet.png")).unwrap().to_rgb8();
+    let line = sheet.height() - 40;
+    let shown = (0..sheet.width()).filter(|x| *sheet.get_pixel(*x, line) != picture::PAPER).count();
+    assert!((3 * 180..=3 * 192).contains(&shown), "{shown} pixels");
     pdk(folder.path(), &["preview", "in.png", "--with", "fog_filter@4,level_scale=own", "-o", "preview"])
         .fail(1, &["level 4 of scale `own` cannot be had"]);
 }

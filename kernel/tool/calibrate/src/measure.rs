@@ -1,7 +1,5 @@
 //! Measures where the levels of a scale lie for a perturbation.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
@@ -9,9 +7,9 @@ use pdk_model::level::{Level, MAX_INTENSITY};
 use pdk_model::level_scale::{LevelScale, MeasuredScale, PUBLISHED_LEVELS};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scale_file::OfPerturbation;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::describe::{Description, Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{FrameBuf, Temporal};
+use pdk_sdk::prelude::FrameBuf;
 
 use crate::cost;
 use crate::costs::Costs;
@@ -42,26 +40,11 @@ pub fn all(
     seed: u64,
     done: &(dyn Fn() + Sync),
 ) -> Vec<Result<OfPerturbation>> {
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(perturbations.len().max(1));
-    let mut measured: Vec<(usize, Result<OfPerturbation>)> = std::thread::scope(|scope| {
-        let work = || {
-            let mut measured = Vec::new();
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(applied) = perturbations.get(index) else { return measured };
-                measured.push((index, of(registry, applied, frames, costs, seed)));
-                done();
-            }
-        };
-        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        threads.into_iter().flat_map(join).collect()
-    });
-    measured.sort_by_key(|(index, _)| *index);
-    measured.into_iter().map(|(_, measured)| measured).collect()
+    pdk_parallel::map(perturbations, |applied| {
+        let measured = of(registry, applied, frames, costs, seed);
+        done();
+        measured
+    })
 }
 
 /// Where the levels of a scale lie for a perturbation.
@@ -82,8 +65,7 @@ fn of(
             "what it does cannot be seen in single frames, so that it has no place on a scale; leave it out";
         return Err(place(Error::new(sentence)));
     }
-    let moving = description.temporal == Temporal::Dynamic;
-    let mut bench = Bench::new(registry, applied, description.version, moving, frames, seed)?;
+    let mut bench = Bench::new(registry, description, applied, frames, seed)?;
     let curve = bench.curve()?;
     let points = points(&curve, costs, &mut |published| bench.cost(published))?;
     Ok(OfPerturbation {
@@ -107,9 +89,8 @@ struct Bench<'a> {
 impl<'a> Bench<'a> {
     fn new(
         registry: &Registry,
+        description: &Description,
         applied: &AppliedPerturbation,
-        version: u32,
-        moving: bool,
         frames: &'a [FrameBuf],
         seed: u64,
     ) -> Result<Self> {
@@ -117,12 +98,13 @@ impl<'a> Bench<'a> {
         // A scale that leads to every published level.
         let scale = MeasuredScale {
             name: "published levels".to_owned(),
-            version,
+            version: description.version,
             points: vec![[0.0, low], [MAX_INTENSITY, high]],
         };
         let applied =
             AppliedPerturbation { level_scale: Some(LevelScale::Measured(scale)), ..applied.clone() };
         let chain = Chain::new(registry, std::slice::from_ref(&applied), seed)?;
+        let moving = description.temporal == Temporal::Dynamic;
         Ok(Self { chain, applied, moving, frames, seed, perturbed: FrameBuf::default() })
     }
 

@@ -1,7 +1,5 @@
 //! What perturbations look like: on one frame at each level, and over time.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use image::RgbImage;
 use indicatif::ProgressBar;
 use pdk_chain::chain::Chain;
@@ -191,56 +189,41 @@ pub fn rows(
     progress: &ProgressBar,
 ) -> Vec<Result<Block>> {
     progress.set_length(chosen.len() as u64);
-    let next = AtomicUsize::new(0);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(chosen.len().max(1));
-    let mut rows: Vec<(usize, Result<Vec<Option<RgbImage>>>)> = std::thread::scope(|scope| {
-        let work = || {
-            let mut rows = Vec::new();
-            let mut view = options.maps.as_ref().map(|by| View::new(registry, by, options.seed));
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(shown) = chosen.get(index) else { return rows };
-                let pictures = shown.levels().into_iter().map(|applied| {
-                    let measured = registry.catalog().measured_scale(&applied)?;
-                    // A level that the user names is an error, but in a row its place stays empty.
-                    if !shown.one_level && measured.is_some_and(|scale| scale.check(&applied.level).is_err())
-                    {
-                        return Ok(None);
-                    }
-                    let frame = perturbed(registry, &applied, source, options.seed, MOMENT)?;
-                    let picture = picture::scaled(&frame, options.picture_width);
-                    match &mut view {
-                        None => Ok(Some(picture)),
-                        Some(Ok(view)) => {
-                            let heat = view.picture(frame.as_ref(), &Moment::new(0, MOMENT).alone())?;
-                            Ok(Some(picture::stacked(&picture, &picture::scaled(&heat, picture.width()))))
-                        }
-                        Some(Err(error)) => Err(Error::of(error.kind(), error.to_string())),
-                    }
-                });
-                rows.push((index, pictures.collect()));
-                progress.inc(1);
+    let view = || options.maps.as_ref().map(|by| View::new(registry, by, options.seed));
+    let rows: Vec<Result<Vec<Option<RgbImage>>>> = pdk_parallel::map_with(chosen, view, |view, shown| {
+        let pictures = shown.levels().into_iter().map(|applied| {
+            let measured = registry.catalog().measured_scale(&applied)?;
+            // A level that the user names is an error, but in a row its place stays empty.
+            if !shown.one_level && measured.is_some_and(|scale| scale.check(&applied.level).is_err()) {
+                return Ok(None);
             }
-        };
-        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-        };
-        threads.into_iter().flat_map(join).collect()
+            let frame = perturbed(registry, &applied, source, options.seed, MOMENT)?;
+            let picture = picture::scaled(&frame, options.picture_width);
+            match view {
+                None => Ok(Some(picture)),
+                Some(Ok(view)) => {
+                    let heat = view.picture(frame.as_ref(), &Moment::new(0, MOMENT).alone())?;
+                    Ok(Some(picture::stacked(&picture, &picture::scaled(&heat, picture.width()))))
+                }
+                Some(Err(error)) => Err(Error::of(error.kind(), error.to_string())),
+            }
+        });
+        let pictures = pictures.collect();
+        progress.inc(1);
+        pictures
     });
-    rows.sort_by_key(|(index, _)| *index);
     progress.finish_and_clear();
     // All rows are as long as the longest, the others with paper at their ends.
-    let longest = rows.iter().flat_map(|(_, row)| row).map(Vec::len).max().unwrap_or(0);
-    let of_all = rows.iter().flat_map(|(_, row)| row).flatten().flatten().next();
+    let longest = rows.iter().flatten().map(Vec::len).max().unwrap_or(0);
+    let of_all = rows.iter().flatten().flatten().flatten().next();
     let paper = of_all.map(|any| RgbImage::from_pixel(any.width(), any.height(), picture::PAPER));
-    let block = |(index, pictures): (usize, Result<Vec<Option<RgbImage>>>)| {
+    let block = |(shown, pictures): (&Shown, Result<Vec<Option<RgbImage>>>)| {
         let mut pictures = pictures?;
         pictures.resize(longest, None);
         let pictures = pictures.into_iter().filter_map(|picture| picture.or_else(|| paper.clone()));
-        Ok(Block { label: chosen[index].label(), row: picture::row(&pictures.collect::<Vec<_>>())? })
+        Ok(Block { label: shown.label(), row: picture::row(&pictures.collect::<Vec<_>>())? })
     };
-    rows.into_iter().map(block).collect()
+    chosen.iter().zip(rows).map(block).collect()
 }
 
 /// Frames over time under a perturbation: `count` of them, `interval` seconds apart.

@@ -21,7 +21,6 @@
 //! | `tally`, `conclusions`, `compare` | how scenarios went together, how sure what follows from it is, and how two drivers differ |
 //! | [`named`] | what tables call drivers |
 //! | `text` | numbers, dates and addresses |
-//! | `parallel` | work on all processors |
 //!
 //! A trace that is missing or damaged does not end a page: its scenario is shown without its path, and the page and a warning say
 //! so. It does end an export, which others take for complete.
@@ -37,7 +36,6 @@ pub mod named;
 mod offline;
 mod overview;
 mod page;
-mod parallel;
 pub mod published;
 pub mod record;
 mod road;

@@ -11,7 +11,6 @@ use pdk_record::trace::step::Step;
 use pdk_sdk::error::{Place, Result};
 use serde::Serialize;
 
-use crate::parallel;
 use crate::telemetry::samples;
 
 /// One scenario as the published tool writes it.
@@ -85,7 +84,7 @@ pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool
         let (steps, waypoints) = read_recorded(&directory.trace_path(&line.id), Owner::of(line))?;
         Ok(PublishedOutcome::new(line, &steps, waypoints))
     };
-    let outcomes = parallel::map(&lines, read).into_iter().collect::<Result<_>>()?;
+    let outcomes = pdk_parallel::map(&lines, read).into_iter().collect::<Result<_>>()?;
     Ok((outcomes, cut_off))
 }
 

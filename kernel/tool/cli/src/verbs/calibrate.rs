@@ -7,8 +7,8 @@ use pdk_calibrate::cost;
 use pdk_calibrate::costs::Costs;
 use pdk_calibrate::measure;
 use pdk_components::product;
+use pdk_components::registry::Registry;
 use pdk_model::level::{DEFAULT_LEVEL, LEVELS, MAX_INTENSITY};
-use pdk_model::level_scale::MeasuredScale;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scale_file::{self, MeasuredFrame, OfPerturbation, Scale, are_costs};
 use pdk_model::scenario::parse_seed;
@@ -70,7 +70,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let costs = costs(arguments.costs.as_deref())?;
     let registry = global.registry()?;
     let perturbations = chosen(&registry, arguments)?;
-    let mut frames = Vec::new();
+    let (mut names, mut frames) = (Vec::new(), Vec::new());
     for path in &arguments.frames {
         let mut opened = Frames::open(&registry, path, arguments.count.map(usize::from))?;
         for index in 0..opened.len() {
@@ -82,15 +82,14 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
                     shown.name, arguments.width
                 )));
             }
-            let frame = picture::to_frame(picture::scaled(&shown.frame, arguments.width))?;
-            frames.push((shown.name, frame));
+            frames.push(picture::to_frame(picture::scaled(&shown.frame, arguments.width))?);
+            names.push(shown.name);
         }
     }
-    let pixels: Vec<FrameBuf> = frames.iter().map(|(_, frame)| frame.clone()).collect();
     let progress = pdk_terminal::progress(global.json, "{pos}/{len} perturbations, {eta} left");
     progress.set_length(perturbations.len() as u64);
     let measured =
-        measure::all(&registry, &perturbations, &pixels, &costs, arguments.seed, &|| progress.inc(1));
+        measure::all(&registry, &perturbations, &frames, &costs, arguments.seed, &|| progress.inc(1));
     progress.finish_and_clear();
     let mut of_perturbations: Vec<OfPerturbation> = Vec::new();
     for measured in measured {
@@ -101,13 +100,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             Err(error) => eprintln!("pdk: warning: left out: {error}"),
         }
     }
-    let measured_frame = |(name, frame): &(String, FrameBuf)| {
+    let measured_frame = |(name, frame): (String, &FrameBuf)| {
         let mut hash = blake3::Hasher::new();
         frame.as_ref().rows().for_each(|row| {
             hash.update(row);
         });
         MeasuredFrame {
-            name: name.clone(),
+            name,
             size: [frame.width(), frame.height()],
             blake3: hash.finalize().to_hex().to_string(),
         }
@@ -115,7 +114,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let scale = Scale {
         measure: cost::MEASURE.to_owned(),
         costs: costs.0.to_vec(),
-        frames: frames.iter().map(measured_frame).collect(),
+        frames: names.into_iter().zip(&frames).map(measured_frame).collect(),
         perturbations: of_perturbations,
     };
     let place = || format!("cannot write {}", arguments.output.display());
@@ -139,10 +138,7 @@ fn costs(given: Option<&[f64]>) -> Result<Costs> {
 }
 
 /// The perturbations that are measured.
-fn chosen(
-    registry: &pdk_components::registry::Registry,
-    arguments: &Arguments,
-) -> Result<Vec<AppliedPerturbation>> {
+fn chosen(registry: &Registry, arguments: &Arguments) -> Result<Vec<AppliedPerturbation>> {
     let catalog = registry.catalog();
     if arguments.perturbations.is_empty() {
         let usable = preview::usable(catalog, arguments.all).into_iter();
@@ -182,23 +178,15 @@ fn shown(name: &str, scale: &Scale) -> String {
         ["published level for".to_owned()].into_iter().chain(levels).chain(["reaches".to_owned()]).collect();
     let mut rows = table(header.iter().map(String::as_str));
     for of in &scale.perturbations {
-        let measured =
-            MeasuredScale { name: name.to_owned(), version: of.version, points: of.points.clone() };
-        let reach = measured.reach();
-        let at = |level: f64| {
-            let reached = reach.is_some_and(|(low, high)| (low..=high).contains(&level));
-            measured
-                .published(level)
-                .filter(|_| reached)
-                .map_or_else(|| "-".to_owned(), |level| format!("{level:.2}"))
-        };
+        let measured = of.measured(name);
         let applied = AppliedPerturbation {
             parameters: of.parameters.clone(),
             ..AppliedPerturbation::new(&of.name, 0.0)
         };
         let mut row = vec![applied.label()];
-        row.extend((0..LEVELS).map(|level| at(level as f64)));
-        row.push(match reach {
+        let at = |level| measured.reached(level as f64).map_or("-".to_owned(), |at| format!("{at:.2}"));
+        row.extend((0..LEVELS).map(at));
+        row.push(match measured.reach() {
             None => "nothing".to_owned(),
             Some((low, high)) if low <= 0.0 && high >= MAX_INTENSITY => "all".to_owned(),
             Some((low, high)) => format!("{low} to {high}"),

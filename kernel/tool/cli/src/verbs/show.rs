@@ -150,9 +150,8 @@ fn on_scale(measured: &Measured) -> String {
     let Some((low, high)) = scale.reach() else {
         return format!("{}{with}: reaches no level of it", scale.name);
     };
-    let whole = (0..LEVELS).map(|level| level as f64).filter(|level| (low..=high).contains(level));
-    let (levels, published): (Vec<_>, Vec<_>) = whole
-        .filter_map(|level| Some((level.to_string(), format!("{:.2}", scale.published(level)?))))
+    let (levels, published): (Vec<_>, Vec<_>) = (0..LEVELS)
+        .filter_map(|level| Some((level.to_string(), format!("{:.2}", scale.reached(level as f64)?))))
         .unzip();
     let places = match levels.is_empty() {
         true => String::new(),

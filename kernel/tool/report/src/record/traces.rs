@@ -12,7 +12,6 @@ use pdk_record::trace::step::{ImageTopic, Step};
 use pdk_sdk::error::Result;
 
 use crate::closed_loop::worst_failures;
-use crate::parallel;
 use crate::telemetry::samples;
 use crate::view::{Drive, Place, Shot};
 
@@ -35,7 +34,7 @@ pub fn add(directory: &RunDirectory, lines: &[Line], drives: &mut [Drive], most:
     let with_shots: BTreeSet<u64> =
         shown.iter().map(|(drive, scenario)| drives[*drive].scenarios[*scenario].index).collect();
     let numbers: Vec<u64> = (0..lines.len() as u64).collect();
-    let mut traces = parallel::map(&numbers, |number| {
+    let mut traces = pdk_parallel::map(&numbers, |number| {
         let line = &lines[*number as usize];
         Some(read(&directory.trace_path(&line.id), Owner::of(line), with_shots.contains(number)))
     });
