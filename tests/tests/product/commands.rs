@@ -1,6 +1,7 @@
 //! What the README and the guide tell a newcomer to type works as it stands there: each `pdk` in a block of commands is run beside
 //! `docs/examples`, or stands in a list here with the reason why it is not.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
 
@@ -61,7 +62,8 @@ fn pages() -> Vec<(String, String)> {
     files.iter().map(|file| (file.display().to_string(), fs::read_to_string(file).unwrap())).collect()
 }
 
-/// All commands with their pages, each once: lines in blocks of `sh`, and the second column of a table of commands.
+/// All commands with their pages, each once and in the order in which a reader meets them, since one may read what an earlier one
+/// wrote: lines in blocks of `sh`, and the second column of a table of commands.
 fn commands() -> Vec<(String, String)> {
     let mut found: Vec<(String, String)> = Vec::new();
     for (page, text) in pages() {
@@ -84,8 +86,8 @@ fn commands() -> Vec<(String, String)> {
     }
     // A verb alone is a name and not a command.
     found.retain(|(_, command)| command.split_whitespace().count() > 2);
-    found.sort_by(|a, b| a.1.cmp(&b.1));
-    found.dedup_by(|a, b| a.1 == b.1);
+    let mut seen = HashSet::new();
+    found.retain(|(_, command)| seen.insert(command.clone()));
     found
 }
 
