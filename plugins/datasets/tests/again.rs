@@ -74,6 +74,7 @@ fn negative(dataset: &mut dyn Dataset, into: &Path) -> bool {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn recordings_are_written_in_the_form_that_they_have() {
     let written = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/written");
     let has_ffmpeg = Command::new("ffmpeg").arg("-version").output().is_ok();

@@ -92,6 +92,7 @@ fn drive(
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_driver_completes_random_roads() {
     let mut simulator = lane(320, 240);
     for seed in 0..4 {
@@ -371,6 +372,7 @@ fn without_a_lane_the_steering_decays_and_the_vehicle_rolls() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn every_light_and_marking_can_be_driven_by_its_lines() {
     for (seed, parameters) in [
         (1, json!({"light": "dusk"})),

@@ -64,6 +64,7 @@ fn compare(model: &ModelProto, x: &Tensor) -> BTreeMap<&'static str, Result<f64,
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn gradients_of_every_operator_are_right_on_every_engine() {
     let mut ran: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let mut wrong = Vec::new();
@@ -111,6 +112,7 @@ fn gradients_of_random_graphs_are_right_on_every_engine() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let mut paths = ["dave2", "dave2_augmented", "dave2_temporal"]

@@ -402,6 +402,7 @@ fn one_value_for_each_cell_is_given_where_that_is_asked_for() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_real_network_is_explained_by_every_method_in_little_time() {
     let Some(path) = fixture::shared("tub_pilot.onnx") else { return };
     let given = |more: Value| {

@@ -130,6 +130,7 @@ fn check(step: usize) {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn maps_depend_on_the_weights_of_the_network() {
     check(20);
 }

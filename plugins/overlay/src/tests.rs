@@ -133,6 +133,7 @@ fn layers(store: &mut Store) -> Vec<Layer> {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_published_overlays_keep_the_rules_of_perturbations() {
     pdk_sdk::testing::perturbation::<DynamicRain>();
     pdk_sdk::testing::perturbation::<DynamicSnow>();
@@ -252,6 +253,7 @@ fn own_index(name: &str, cache: &Path) -> crate::store::Index {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_descriptions_say_how_long_the_loops_are_and_how_often_they_show_something() {
     let folder = tempfile::tempdir().unwrap();
     for (name, description) in own_clips() {
@@ -267,6 +269,7 @@ fn the_descriptions_say_how_long_the_loops_are_and_how_often_they_show_something
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn standing_overlays_have_many_pictures() {
     let folder = tempfile::tempdir().unwrap();
     for (name, _) in own_clips() {
@@ -573,6 +576,7 @@ fn the_fade_leads_from_the_end_to_the_beginning() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
     let Some(path) = recording("overlays/birds.mp4") else { return };
     let clip = Clip::Path(path);

@@ -246,6 +246,7 @@ fn intervals_of_failing_levels_cover_at_least_as_often() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn few_roads_cover_less() {
     let mut found = Vec::new();
     for roads in [4, 6, 8] {
@@ -372,6 +373,7 @@ const ALIKE_WORLDS: [World; 3] = [
 ];
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn conditions_that_do_not_differ_seldom_seem_to() {
     for roads in [5, 6, 8, 10, 14, 20] {
         for world in ALIKE_WORLDS {

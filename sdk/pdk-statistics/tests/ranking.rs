@@ -96,6 +96,7 @@ fn one_group(studies: u32, world: World, roads: usize) -> f64 {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn perturbations_that_are_all_alike_are_one_group() {
     for world in WORLDS {
         let found = one_group(1000, world, 8);

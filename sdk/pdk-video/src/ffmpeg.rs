@@ -427,6 +427,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: .ci/run runs it"]
     #[cfg(target_os = "linux")]
     fn nothing_is_left_of_it_whichever_way_it_ends() {
         let header = r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'";
@@ -497,6 +498,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: .ci/run runs it"]
     fn an_installed_ffmpeg_decodes_a_clip_and_refuses_what_is_too_large() {
         let Some(ffmpeg) = installed() else { return };
         let folder = tempfile::tempdir().unwrap();

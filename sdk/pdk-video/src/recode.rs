@@ -360,6 +360,7 @@ mod tests {
     }
 
     #[test]
+    #[ignore = "long: .ci/run runs it"]
     fn a_video_is_written_with_its_codec_and_the_times_of_its_frames() {
         let folder = tempfile::tempdir().unwrap();
         let own = folder.path().join("own.mp4");

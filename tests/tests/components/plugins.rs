@@ -212,6 +212,7 @@ fn pixels_that_were_not_written_are_the_same_every_time() {
 
 /// Each ends its scenario, of which the line says who did what at which frame; the others come out as if nothing had happened.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_plugin_that_hangs_or_ends_the_process_is_named_and_the_run_continues() {
     let undisturbed = three_scenarios("perturbation", "behave", &[]);
     for (how, kind, said) in [
@@ -246,6 +247,7 @@ fn a_plugin_that_hangs_or_ends_the_process_is_named_and_the_run_continues() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_component_that_cannot_be_made_is_the_outcome_of_its_scenarios() {
     for (who, how, function) in [
         ("perturbation", "hang_in_drop", "drop"),

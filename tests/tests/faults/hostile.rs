@@ -149,6 +149,7 @@ fn nothing_that_a_terminal_would_obey_is_written_to_it() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_damaged_library_is_refused_by_name_and_the_others_are_there() {
     let folder = temp();
     let whole = fs::read(pdk_tests::test_library("misbehave")).unwrap();
@@ -184,6 +185,7 @@ const ENDINGS: [(&str, &str); 4] = [
 ];
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_component_that_ends_badly_is_named_and_the_run_fails() {
     let folder = temp();
     for (way, said) in ENDINGS {

@@ -79,6 +79,7 @@ fn is_whole(record: &Path) -> usize {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_first_interrupt_lets_what_is_in_flight_finish() {
     let folder = temp();
     for (name, source) in [("at-once", AT_ONCE), ("session", IN_A_SESSION)] {
@@ -271,6 +272,7 @@ fn a_terminated_run_goes_on() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_script_that_does_not_end_is_ended() {
     let folder = temp();
     let endless = pipeline(

@@ -18,6 +18,7 @@ fn limited(limit: &str, folder: &Path) -> Finished {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn too_few_open_files_are_reported_as_such() {
     let folder = temp();
     let mut said = 0;
@@ -39,6 +40,7 @@ fn too_few_open_files_are_reported_as_such() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn too_little_memory_is_an_error_and_no_abort() {
     let folder = temp();
     // How much is too little depends on the machine, so this goes through all that there is between too little and enough. A process that

@@ -96,6 +96,7 @@ fn hungry(script: &Path, out: &Path, low: bool) -> Pdk {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn what_failed_is_driven_again_unless_errors_are_kept() {
     let folder = temp();
     let script = pipeline(folder.path(), HUNGRY);

@@ -239,11 +239,13 @@ fn last_lines(text: &str) -> &str {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_component_that_panics_or_ends_the_process_has_a_line_that_says_so() {
     drive(&in_every_function(&ENDS), &[]);
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_component_that_does_not_come_back_has_a_line_that_says_so() {
     // A worker that waits for what hangs has nothing to do, so there may be more of them.
     let set = [("patience", "1"), ("workers", "6")];
@@ -371,6 +373,7 @@ const NOT_MADE: [(&str, &str, &str); 6] = [
 ];
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn offline_a_frame_is_lost_and_the_others_are_evaluated() {
     lose_a_frame(&OFFLINE, &NOT_MADE, &[("patience", "1")]);
 }

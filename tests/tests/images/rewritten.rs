@@ -56,6 +56,7 @@ fn has_ffmpeg() -> bool {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn recordings_come_out_in_their_own_form() {
     let folder = temp();
     let mut forms = vec![

@@ -98,6 +98,7 @@ fn a_layer_with_a_single_row_of_cells_is_warned_of_once() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_frames_of_a_dataset_are_mapped_and_methods_are_compared() {
     let dir = temp();
     let drive = dir.path().join("drive");
@@ -182,6 +183,7 @@ fn the_default_map_beats_itself_in_other_places_on_every_network() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn frames_of_a_record_bring_their_speed_and_their_road() {
     let folder = temp();
     let source = r#"

@@ -131,6 +131,7 @@ fn a_network_with_another_preprocessing_is_not_ranked() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn what_shows_earlier_frames_has_them_on_any_number_of_workers() {
     let folder = temp();
     onnx::remembering(&folder.path().join("pilot.onnx"), 6, 8, 0.4);

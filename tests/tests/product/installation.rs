@@ -21,6 +21,7 @@ fn quickstart(pdk: Pdk, out: &Path) -> Pdk {
 
 /// What depends on scripts, networks and clips works where none of their files are, and comes out the same.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_copy_does_what_the_source_tree_does() {
     let folder = temp();
     let work = folder.path();
@@ -93,6 +94,7 @@ fn a_users_own_clip_and_script_work_without_a_home() {
 
 /// Two users, and each of them twice at once, for the first time.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn several_users_work_at_the_same_time() {
     if !rustix::process::geteuid().is_root() {
         eprintln!("skipped: only root can run pdk as other users");

@@ -116,6 +116,7 @@ fn page(folder: &Path) -> PathBuf {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_page_can_be_read_on_any_window() {
     let Some(browser) = browser() else { return };
     let folder = temp();
@@ -155,6 +156,7 @@ fn marks_tell_their_drives_to_the_keyboard() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_page_is_drawn_and_printed() {
     let Some(browser) = browser() else { return };
     let folder = temp();

@@ -97,6 +97,7 @@ fn what_was_recorded_comes_out_again_on_any_number_of_workers() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_first_difference_is_named_with_both_values() {
     let folder = temp();
     let out = record(folder.path());
@@ -371,6 +372,7 @@ fn mean(frame: &FrameBuf, left: usize) -> f64 {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_clip_shows_every_frame_and_marks_the_last_second_of_a_failure() {
     let folder = temp();
     // The misbehaving driver goes straight on where the road bends.

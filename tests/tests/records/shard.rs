@@ -47,6 +47,7 @@ fn parts(script: &Path, folder: &Path, of: usize) -> Vec<PathBuf> {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn parts_put_together_are_the_whole() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
@@ -74,6 +75,7 @@ fn parts_put_together_are_the_whole() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn evaluations_in_parts_put_together_are_the_whole() {
     let folder = temp();
     datasets::folder(&folder.path().join("data"), 9, 32, 24);

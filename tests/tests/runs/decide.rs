@@ -36,6 +36,7 @@ fn run(script: &Path, out: &Path) -> Pdk {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_bisection_that_is_killed_takes_the_same_way() {
     let folder = temp();
     let script = pipeline(folder.path(), BISECTION);

@@ -90,6 +90,7 @@ fn equal_drivers_pass_and_the_number_of_workers_changes_nothing() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_worse_driver_fails_with_a_code_of_its_own_and_its_failures_are_kept() {
     let folder = temp();
     let suite = suite(folder.path(), SMALL);

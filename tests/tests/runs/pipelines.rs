@@ -70,6 +70,7 @@ fn greedy_climbs_until_the_first_failure() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_bisection_finds_the_failing_level_on_every_road() {
     let folder = temp();
     let out = folder.path().join("record");
@@ -120,6 +121,7 @@ fn settings_are_checked_before_anything_is_driven() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn repeats_are_searched_apart() {
     let folder = temp();
     let out = folder.path().join("record");
@@ -140,6 +142,7 @@ fn repeats_are_searched_apart() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
     let folder = temp();
     let out = folder.path().join("greedy");
@@ -169,6 +172,7 @@ fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn an_error_of_a_component_is_not_a_failure_of_the_driver() {
     let folder = temp();
     let source =
@@ -197,6 +201,7 @@ fn an_error_of_a_component_is_not_a_failure_of_the_driver() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_study_ranks_by_failures() {
     let folder = temp();
     let outs = ["a", "b"].map(|name| folder.path().join(name));
@@ -385,6 +390,7 @@ fn a_pipeline_has_the_statistics_of_the_report() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn attention_compares_where_it_matters_with_where_it_does_not() {
     let folder = temp();
     let out = folder.path().join("attention");

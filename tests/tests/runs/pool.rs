@@ -81,6 +81,7 @@ fn a_pool_of_a_later_pdk_works_with_a_word() {
 
 /// The version has not grown yet at one end, or at the other.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_pool_of_an_earlier_pdk_works_without_what_it_does_not_have() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
@@ -172,6 +173,7 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_pool_that_is_lost_over_every_job_ends_the_run_and_keeps_the_record() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
@@ -216,6 +218,7 @@ fn a_scenario_that_a_pool_gives_up_has_a_trace_that_says_so() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn what_a_lost_slot_was_at_is_done_again() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);

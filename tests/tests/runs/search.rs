@@ -63,6 +63,7 @@ fn table(out: &Path) -> String {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
     let folder = temp();
     let script = script(folder.path(), CORNER);
@@ -291,6 +292,7 @@ fn a_scenario_that_crashes_its_worker_is_a_test_like_any_other() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_space_that_cannot_be_searched_gets_one_sentence() {
     let folder = temp();
     let out = folder.path().join("out");

@@ -146,6 +146,7 @@ fn a_key_that_occurs_twice_and_a_seed_that_is_too_large_are_refused() {
 
 /// Equal scenarios are driven once, and their outcomes are handed out one by one.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn very_many_equal_scenarios_are_ended_by_a_signal() {
     const COUNT: usize = 300_000;
     let folder = temp();

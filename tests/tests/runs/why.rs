@@ -37,6 +37,7 @@ fn outcome(script: &Path, out: &Path) -> Value {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn both_parts_are_proven_by_drives_that_anyone_can_repeat() {
     let folder = temp();
     let record = record(folder.path());

@@ -431,6 +431,7 @@ fn an_unsupported_server_version_is_reported() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_server_that_breaks_in_mid_scenario_is_reported() {
     for (fault, kinds, part) in [
         (Fault::Close, &["lost"][..], "closed the connection"),

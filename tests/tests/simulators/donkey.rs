@@ -47,6 +47,7 @@ fn lines_of(out: &Path) -> Vec<Value> {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_greedy_test_through_the_wire_has_the_same_outcome() {
     let folder = temp();
     let greedy = |out: &str, simulator: Value| {
@@ -168,6 +169,7 @@ fn one_that_pdk_starts_is_started_again() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn one_that_hangs_ends_the_run_and_keeps_what_there_is() {
     let port = free_ports(1);
     let mut simulator = simulator(port);

@@ -45,6 +45,7 @@ fn run(simulator: &Value, more: &[(&str, &str)]) -> Tried {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn roads_are_driven() {
     for numbers in ["plain", "german"] {
         let port = free_ports(1);
@@ -64,6 +65,7 @@ fn roads_are_driven() {
 
 /// The stock build answers each command once, begins with two answers, and knows no road.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_stock_build_is_driven() {
     let port = free_ports(1);
     let _stand_in = StandIn::start("udacity", port, &["--build", "stock"]);
@@ -90,6 +92,7 @@ fn the_other_build_is_named() {
 
 /// What passes while the simulator stands still is not driving time.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_simulator_that_stalls_makes_no_driver_late() {
     let port = free_ports(1);
     let frozen = ["--rate", "40", "--fault", "freeze:6", "--at", "10", "--times", "2"];
@@ -150,6 +153,7 @@ fn a_silent_client_blocks_no_other() {
 
 /// A scenario in the middle of which the simulator is lost says nothing about the driver: it is driven again.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_scenario_whose_simulator_is_lost_is_driven_again() {
     for (fault, least) in [("close", 0.0), ("close:5", 5.0), ("half", 0.0)] {
         let port = free_ports(1);
@@ -165,6 +169,7 @@ fn a_scenario_whose_simulator_is_lost_is_driven_again() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn one_that_pdk_starts_is_started_again() {
     tried::is_started_again(SOURCE, &simulator(1), "udacity", "--rate 40", 1);
 }

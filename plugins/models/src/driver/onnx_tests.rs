@@ -197,6 +197,7 @@ fn an_unsuitable_model_is_refused_when_it_is_opened() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_damaged_model_is_an_error_or_a_driver_but_never_a_panic() {
     let whole = Pilot::new(&["batch", "3", "4", "6"]).bytes();
     let file = tempfile::NamedTempFile::new().unwrap();

@@ -50,6 +50,7 @@ fn steering(graph: &Graph) -> Target<'_> {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn gradients_of_networks_are_those_that_central_differences_show() {
     for path in networks() {
         let (graph, inputs) = open(&path);
@@ -87,6 +88,7 @@ fn gradients_of_networks_are_those_that_central_differences_show() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn activations_times_gradients_are_the_same_before_and_behind_a_relu() {
     for path in networks() {
         let (graph, inputs) = open(&path);

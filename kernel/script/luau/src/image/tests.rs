@@ -307,6 +307,7 @@ fn types_and_documentation_come_from_the_table() {
 
 /// The longest operations on the largest image, which stay near the time that a script has.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn no_operation_goes_far_beyond_the_limit() {
     let make = "local large = image:blank(2048, 2048)";
     for call in [

@@ -463,6 +463,7 @@ fn strides_and_changing_sizes_are_fine() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn large_images_fit_as_long_as_few_are_kept() {
     let limits = Limits { memory_bytes: 8 << 20, time: Duration::from_secs(10), ..Limits::default() };
     let make = |source: &str| {
