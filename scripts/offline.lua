@@ -2,6 +2,8 @@
 --
 --   pdk run offline --set dataset=DIR --set model=FILE.onnx
 
+local study = require("@pdk/study")
+
 local settings = pdk.settings({
 	dataset = "", -- a recording: a folder or a file, see docs/guide/datasets.md
 	model = "", -- for the driver onnx: frame in, steering and throttle out
@@ -19,6 +21,7 @@ local settings = pdk.settings({
 		"grayscale_filter",
 	},
 	levels = { 0, 1, 2, 3, 4 },
+	level_scale = "", -- the scale that they are on; none: the published one. What does not reach all levels is left out
 	frames = 0, -- how many frames from the first; 0 for all
 	tolerance = 0.1, -- the drift of the steering for which the table says from which level on it is exceeded
 	trust = false, -- rank a driver that is worse than a constant on the frames as they are
@@ -32,10 +35,23 @@ elseif driver.name == "onnx" and not driver.model then
 	error("name the model with --set model=FILE.onnx, or a driver with --set driver=NAME", 0)
 end
 
+local perturbations = settings.perturbations
+if settings.level_scale ~= "" and #settings.levels > 0 then
+	local levels = {}
+	for _, level in settings.levels do
+		table.insert(levels, level)
+	end
+	table.sort(levels)
+	perturbations = {}
+	for _, name in study.reaching(settings.perturbations, levels, settings.level_scale) do
+		table.insert(perturbations, { name = name, level_scale = settings.level_scale })
+	end
+end
+
 pdk.show(pdk.evaluate({
 	dataset = settings.dataset,
 	driver = driver,
-	perturbations = settings.perturbations,
+	perturbations = perturbations,
 	levels = settings.levels,
 	frames = if settings.frames > 0 then settings.frames else nil,
 	tolerance = settings.tolerance,

@@ -15,6 +15,9 @@
 -- road. Roads that a driver does not manage with a clear view are left out for it.
 -- An error of a component says nothing about a driver and is counted apart.
 --
+-- A second table says how close drives at the highest level came to failing, with groups of its own. It tells apart what never makes a
+-- driver fail.
+--
 -- ranking.json in the record holds what the tables show and more: the share of failing levels on each road, from which groups can be
 -- computed again (pdk.groups), failures by level, and the level from which on each driver fails in each of the conditions, with intervals.
 
@@ -49,6 +52,9 @@ if #settings.drivers == 0 then
 	error("drivers is empty; name at least one", 0)
 end
 local percent = string.format("%g %%", 100 * settings.confidence)
+local highest = levels[#levels]
+-- The |XTE| in metres at which a vehicle has left its lane: 2 in `lane`.
+local lane_departure: number = settings.failure.lane_departure or 2
 
 local function interval(estimate): string
 	return string.format("%.2f to %.2f", estimate.low, estimate.high)
@@ -134,7 +140,7 @@ if managed == 0 then
 end
 
 for _, place in places do
-	place.results = if #place.roads > 0 then tally.results(measured(place), names, levels, settings.roads) else nil
+	place.results = if #place.roads > 0 then tally.results(measured(place), names, levels, settings.roads, lane_departure) else nil
 end
 
 -- Of a perturbation in the places that a test picks: see `tally.pooled`.
@@ -150,18 +156,23 @@ end
 
 local entries, not_driven = {}, {}
 for _, name in names do
-	local shares = pooled(name, function() return true end)
+	local shares, _, closeness = pooled(name, function() return true end)
 	local share = pdk.mean_share(shares, settings.confidence)
 	if not share then
 		table.insert(not_driven, name)
 		continue
 	end
+	local close = pdk.mean_share(closeness, settings.confidence)
 	local entry: { [string]: any } = {
 		perturbation = name,
 		shares = shares,
 		failed_share = share.value,
 		failed_share_low = share.low,
 		failed_share_high = share.high,
+		closeness_by_road = closeness,
+		closeness = if close then close.value else nil,
+		closeness_low = if close then close.low else nil,
+		closeness_high = if close then close.high else nil,
 		by_driver = {},
 		by_conditions = {},
 		cells = {},
@@ -228,13 +239,13 @@ for _, driver in settings.drivers do
 end
 table.insert(header, "time to failure s")
 table.insert(header, "over the line")
-table.insert(header, `|XTE| increase at level {levels[#levels]}, m`)
+table.insert(header, `|XTE| increase at level {highest}, m`)
 local rows = {}
 for rank, entry in entries do
 	entry.rank, entry.group = rank, groups[rank]
 	local row: { any } = { rank, entry.group, entry.perturbation, entry.failed_share, string.format("%.2f to %.2f", entry.failed_share_low, entry.failed_share_high) }
 	for _, of in entry.by_driver do
-		table.insert(row, if of.failing_level then (study.shown(of.failing_level, levels[#levels])) else "unknown")
+		table.insert(row, if of.failing_level then (study.shown(of.failing_level, highest)) else "unknown")
 	end
 	table.insert(row, entry.median_time_to_failure or "")
 	table.insert(row, `{entry.over_line} of {entry.drives - entry.failures}`)
@@ -246,6 +257,39 @@ pdk.table(header, rows)
 if #not_driven > 0 then
 	print(`Not ranked, because a component failed in every scenario: {table.concat(not_driven, ", ")}`)
 end
+
+-- How close drives at the highest level came to failing, the closest first.
+local nominal_closeness, by_closeness = {}, {}
+for _, place in places do
+	for _, road in place.roads do
+		table.insert(nominal_closeness, math.min(1, road.largest[1] / lane_departure))
+	end
+end
+for _, entry in entries do
+	if entry.closeness then
+		table.insert(by_closeness, entry)
+	end
+end
+table.sort(by_closeness, function(a, b)
+	if a.closeness ~= b.closeness then
+		return a.closeness > b.closeness
+	end
+	return a.perturbation < b.perturbation
+end)
+local in_order_of_closeness = {}
+for _, entry in by_closeness do
+	table.insert(in_order_of_closeness, entry.closeness_by_road)
+end
+rows = {}
+for place, group in pdk.groups(in_order_of_closeness, settings.confidence) do
+	local entry = by_closeness[place]
+	entry.closeness_group = group
+	table.insert(rows, { group, entry.perturbation, entry.closeness, string.format("%.2f to %.2f", entry.closeness_low, entry.closeness_high) } :: { any })
+end
+local clear_view = study.mean(nominal_closeness)
+table.insert(rows, { "", "a clear view", clear_view or "", "" } :: { any })
+print(`How close drives came to failing at level {highest}: their largest |XTE| as a share of {lane_departure} m, and 1 for those that failed`)
+pdk.table({ "group", "perturbation", "closeness", percent }, rows)
 
 -- Each of the conditions and drivers at each level: the share of roads and perturbations that fail.
 local totals, total_rows = {}, {}
@@ -330,6 +374,8 @@ pdk.save("ranking.json", {
 	roads = settings.roads,
 	confidence = settings.confidence,
 	nominal = nominal,
+	nominal_closeness = clear_view,
+	lane_departure = lane_departure,
 	ranking = entries,
 	by_level = totals,
 	comparisons = comparisons,

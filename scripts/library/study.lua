@@ -183,14 +183,14 @@ local function place(settings, driver): string
 end
 
 -- Makes the random roads that are set and drives each with a clear view, `repeats` times, with a driver. Returns those that it
--- manages every time, each with its number, seed, angles and road, and with the mean |XTE| of each drive and whether a wheel was over
--- the line; and the number of each other road with what ended the drive there.
+-- manages every time, each with its number, seed, angles and road, and with the mean and the largest |XTE| of each drive and whether a
+-- wheel was over the line; and the number of each other road with what ended the drive there.
 function study.roads(settings, repeats: number, driver)
 	local roads, scenarios, of = {}, {}, {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
 		local made = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts })
-		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, over_line = {} })
+		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, largest = {}, over_line = {} })
 	end
 	for again = 1, repeats do
 		for _, road in roads do
@@ -207,6 +207,7 @@ function study.roads(settings, repeats: number, driver)
 		end
 		if outcome.success then
 			table.insert(road.nominal, outcome.mean_cross_track_error)
+			table.insert(road.largest, outcome.max_cross_track_error)
 			table.insert(road.over_line, outcome.measures.over_line_seconds > 0)
 		else
 			causes[road.number] = causes[road.number] or outcome.cause

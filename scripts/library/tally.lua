@@ -11,8 +11,9 @@ tally.counts = { "drives", "failures", "unsafe", "stopped", "late", "over_line",
 
 -- What came of one perturbation with a driver in some conditions. For each road: the share of levels that fail, in `shares`, false
 -- where that is unknown; of each level the share of drives that fail, in `by_level`; and the drives of each searcher, in `trials`.
--- Then counts, among which `over_line` is of drives that came to the end with a wheel over the line on the way, times to failure, and
--- how much more |XTE| there was at the highest level than with a clear view.
+-- Then counts, among which `over_line` is of drives that came to the end with a wheel over the line on the way, times to failure, how
+-- much more |XTE| there was at the highest level than with a clear view, and for each road how close each drive there at the highest
+-- level came to failing, in `closeness`.
 local function empty(levels: { number })
 	local entry: { [string]: any } = {
 		trials = {},
@@ -20,6 +21,7 @@ local function empty(levels: { number })
 		by_level = {},
 		times = {},
 		increases = {},
+		closeness = {},
 	}
 	for _, count in tally.counts do
 		entry[count] = 0
@@ -30,11 +32,20 @@ local function empty(levels: { number })
 	return entry
 end
 
+-- How close a drive came to failing, from 0 to 1: its largest |XTE| as a share of the one at which a vehicle has left its lane, and 1
+-- if it failed, for whatever reason.
+function tally.closeness(outcome, lane_departure: number): number
+	return if outcome.success then math.min(1, outcome.max_cross_track_error / lane_departure) else 1
+end
+
 -- Counts the drives of a searcher: see `study.search`.
-local function count(entry, searcher, highest: number)
+local function count(entry, searcher, highest: number, lane_departure: number)
 	entry.errors += if searcher.error then 1 else 0
 	for i, outcome in searcher.outcomes do
 		entry.drives += 1
+		if searcher.trials[i].level == highest then
+			table.insert(entry.closeness[searcher.road.number], tally.closeness(outcome, lane_departure))
+		end
 		if not outcome.success then
 			entry.failures += 1
 			entry[outcome.verdict] += 1
@@ -72,18 +83,19 @@ local function fill(entry, number: number, levels: { number })
 end
 
 -- What came of each of the named perturbations with a driver in some conditions, by its name, from searchers that are done. The
--- levels are in order, and roads have numbers up to `roads`.
-function tally.results(searchers, names: { string }, levels: { number }, roads: number)
+-- levels are in order, roads have numbers up to `roads`, and a vehicle with an |XTE| of `lane_departure` metres has left its lane.
+function tally.results(searchers, names: { string }, levels: { number }, roads: number, lane_departure: number)
 	local by_name = {}
 	for _, name in names do
 		by_name[name] = empty(levels)
 		for number = 1, roads do
 			by_name[name].trials[number] = {}
+			by_name[name].closeness[number] = {}
 		end
 	end
 	for _, searcher in searchers do
 		local entry = by_name[searcher.perturbation]
-		count(entry, searcher, levels[#levels])
+		count(entry, searcher, levels[#levels], lane_departure)
 		if #searcher.trials > 0 then
 			table.insert(entry.trials[searcher.road.number], searcher.trials)
 		end
@@ -97,13 +109,17 @@ function tally.results(searchers, names: { string }, levels: { number }, roads: 
 end
 
 -- Of a perturbation in those of the places that a test picks, for each road: the share of levels that fail, over all of these places,
--- or false; and the drives of each searcher there, as `pdk.failing_level` takes them. A place holds its `results`, if any.
+-- or false; the drives of each searcher there, as `pdk.failing_level` takes them; and how close drives at the highest level came to
+-- failing, or false. A place holds its `results`, if any.
 function tally.pooled(places, name: string, roads: number, picks)
-	local shares, trials = {}, {}
+	local shares, trials, closeness = {}, {}, {}
 	for number = 1, roads do
-		local here, driven = {}, {}
+		local here, driven, close = {}, {}, {}
 		for _, place in places do
 			local result = if place.results and picks(place) then place.results[name] else nil
+			if result and #result.closeness[number] > 0 then
+				table.insert(close, study.mean(result.closeness[number]) :: number)
+			end
 			if result and result.shares[number] then
 				table.insert(here, result.shares[number])
 				table.move(result.trials[number], 1, #result.trials[number], #driven + 1, driven)
@@ -111,8 +127,9 @@ function tally.pooled(places, name: string, roads: number, picks)
 		end
 		shares[number] = (study.mean(here) or false) :: any
 		trials[number] = driven
+		closeness[number] = (study.mean(close) or false) :: any
 	end
-	return shares, trials
+	return shares, trials, closeness
 end
 
 return tally

@@ -21,6 +21,7 @@ import itertools
 import json
 import math
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -465,12 +466,17 @@ def summary(figures):
                 means = [f"{faster(list(pairs(figures, library, way, size))):.1f}" for size in sizes]
                 slower = sum(mine > theirs for mine, theirs in found)
                 lines.append(f"| {library}: {told} | {' | '.join(means)} | {len(found)} | {slower} |")
-    lines += ["", "| a frame | milliseconds |", "| --- | ---: |"]
+    lines += ["", "| a frame | milliseconds | copies |", "| --- | ---: | ---: |"]
     for size, ms in figures["copy_ms"].items():
-        lines.append(f"| a copy of it, {size} | {ms:.4f} |")
-    for size in sizes:
+        lines.append(f"| a copy of it, {size} | {ms:.4f} | 1 |")
+    for size, ms in figures["copy_ms"].items():
+        middle = statistics.median(copies(figures, name, size) for name in names(figures))
+        lines.append(f"| the perturbation in the middle, {size} | {middle * ms:.2f} | {middle:.0f} |")
+    for size, ms in figures["copy_ms"].items():
         worst = max((cell for cell in figures["cells"] if cell["size"] == size), key=lambda cell: cell["ms"])
-        lines.append(f"| the slowest perturbation, {worst['perturbation']} at level {worst['level']}, {size} | {worst['ms']:.2f} |")
+        lines.append(
+            f"| the slowest perturbation, {worst['perturbation']} at level {worst['level']}, {size} | {worst['ms']:.2f} | {worst['ms'] / ms:.0f} |"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -503,19 +509,29 @@ def losses(figures):
     return "\n".join(lines) + "\n"
 
 
+def names(figures):
+    """The perturbations, in the order in which they were measured."""
+    return list(dict.fromkeys(cell["perturbation"] for cell in figures["cells"]))
+
+
+def copies(figures, name, size):
+    """How often a frame could be copied while pdk perturbs it: the median of the levels."""
+    times = [cell["ms"] for cell in figures["cells"] if (cell["perturbation"], cell["size"]) == (name, size)]
+    return statistics.median(times) / figures["copy_ms"][size]
+
+
 def table(figures, size):
     """Milliseconds at levels 0 to 4, of pdk and of each library."""
-    header = ["perturbation", "pdk", "drawn anew", "from Python", *figures["libraries"]]
+    header = ["perturbation", "copies", "pdk", "drawn anew", "from Python", *figures["libraries"]]
     lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
-    names = dict.fromkeys(cell["perturbation"] for cell in figures["cells"])
-    for name in names:
+    for name in names(figures):
         cells = [cell for cell in figures["cells"] if (cell["perturbation"], cell["size"]) == (name, size)]
 
         def column(value):
             values = [value(cell) for cell in cells]
             return "" if all(v is None for v in values) else " ".join("–" if v is None else f"{v:.3g}" for v in values)
 
-        row = [name, column(lambda cell: cell["ms"]), column(lambda cell: cell.get("drawn_anew_ms")), column(lambda cell: cell.get("python_ms"))]
+        row = [name, f"{copies(figures, name, size):.0f}", column(lambda cell: cell["ms"]), column(lambda cell: cell.get("drawn_anew_ms")), column(lambda cell: cell.get("python_ms"))]
         row += [column(lambda cell, library=library: cell["others"].get(library)) for library in figures["libraries"]]
         lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines) + "\n"
@@ -533,7 +549,8 @@ def page(figures, loop):
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
     text += f"""
 All figures come from one run on one thread of one machine. They are medians of the thread's processor time, for frames after the first few
-(pdk prepares textures and clips once and keeps them, and the memory of arrays too). {versions}.{failed}
+(pdk prepares textures and clips once and keeps them, and the memory of arrays too). "Copies" are times as long as a copy of the frame takes in
+the same run, with the median of the levels. {versions}.{failed}
 
 Some perturbations draw the places of things once per sequence and keep them, while other libraries draw for every frame; "drawn anew" means
 `draws=per_frame`. The other libraries do the nearest thing to pdk's perturbation that they have, with parameters as near as they allow: some do less

@@ -1,9 +1,10 @@
 //! Snow: flakes blown across a frame that is a little whiter.
 
 use pdk_sdk::ops::float::{Image, Workspace, moved};
+use pdk_sdk::ops::zoom::Grid;
 use pdk_sdk::prelude::*;
 
-use crate::enlarge::{Grid, enlarge};
+use crate::enlarge::enlarge;
 use crate::line::motion;
 use crate::suite::corruption;
 

@@ -1,16 +1,14 @@
 //! Zoom blur: the mean of enlargements.
 
-use pdk_sdk::ops::float::Image;
+use pdk_sdk::ops::zoom::{Enlargement, Workspace, zoom_blur};
 use pdk_sdk::prelude::*;
 
-use crate::enlarge::enlarge;
 use crate::suite::corruption;
 
 /// Averages the frame with its enlargements.
 #[derive(Default)]
 pub struct ZoomBlur {
-    image: Image,
-    sum: Image,
+    workspace: Workspace,
 }
 
 impl Component for ZoomBlur {
@@ -34,21 +32,8 @@ impl Component for ZoomBlur {
 
 impl Perturbation for ZoomBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        self.image.read(src);
-        let count = cx.integer("count").max(0);
-        // As the package counts: by what is left of the step after it was added to 1.
-        let step = (1.0 + cx.number("step")) - 1.0;
-        let (line, share) = (src.width() * 3, 1.0 / (count + 1) as f32);
-        self.sum.clone_from(&self.image);
-        for number in 0..count {
-            let factor = 1.0 + number as f64 * step;
-            let values = &mut self.sum.values;
-            enlarge(&self.image, factor, |y, row| {
-                values[y * line..][..line].iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
-            });
-        }
-        self.sum.values.iter_mut().for_each(|value| *value *= share);
-        self.sum.write(dst);
+        let count = cx.integer("count").max(0) as f64;
+        zoom_blur(src, dst, count, cx.number("step"), Enlargement::Corner, &mut self.workspace);
         Ok(())
     }
 }

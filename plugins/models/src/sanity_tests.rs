@@ -137,6 +137,6 @@ fn maps_depend_on_the_weights_of_the_network() {
 
 #[test]
 #[ignore = "the figures of docs/saliency.md, on more frames"]
-fn maps_depend_on_the_weights_of_the_network_on_more_frames() {
+fn figures_of_how_maps_depend_on_weights() {
     check(5);
 }

@@ -19,8 +19,46 @@ pub enum Enlargement {
     /// If the last position, computed in double precision, comes out a trace beyond the last pixel, that row or
     /// column is black; that depends on the size of the frame and on the factor.
     WholePixels,
+    /// As [`Grid`] stretches: like `WholePixels`, but what is too long is cut off at the right and lower edges, so that nothing is black. The
+    /// sum is not rounded but loses its fraction.
+    Corner,
     /// About the middle of the image and by the factor, exactly.
     Exact,
+}
+
+/// One direction of an enlargement from corner to corner: `ceil(length / factor)` whole pixels from the middle are stretched to a whole number
+/// of pixels near the factor, first to first and last to last.
+#[derive(Debug, Clone, Copy)]
+pub struct Grid {
+    start: usize,
+    count: usize,
+    step: f64,
+}
+
+impl Grid {
+    /// For the middle of `length` pixels, enlarged by a factor.
+    pub fn new(length: usize, factor: f64) -> Self {
+        let count = (libm::ceil(length as f64 / factor) as usize).clamp(1, length);
+        let enlarged = (count as f64 * factor).round_ties_even().max(1.0);
+        let step = if enlarged > 1.0 { (count - 1) as f64 / (enlarged - 1.0) } else { 0.0 };
+        Self { start: (length - count) / 2, count, step }
+    }
+
+    /// How many pixels it is made of.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The last pixel that it is made of.
+    pub fn last(&self) -> usize {
+        self.start + self.count - 1
+    }
+
+    /// The pixel before a place in the enlarged image, and how far behind that it is, from 0 to 1.
+    pub fn place(&self, index: usize) -> (usize, f32) {
+        let place = (index as f64 * self.step).min((self.count - 1) as f64);
+        (self.start + place as usize, place.fract() as f32)
+    }
 }
 
 /// Where a position lies between two pixels.
@@ -41,6 +79,7 @@ enum Stretch {
         stretched: usize,
         trimmed: usize,
     },
+    Corner(Grid),
     Exact {
         middle: f64,
         factor: f64,
@@ -49,8 +88,10 @@ enum Stretch {
 
 impl Stretch {
     fn new(length: usize, factor: f64, enlargement: Enlargement) -> Self {
-        if enlargement == Enlargement::Exact {
-            return Self::Exact { middle: (length - 1) as f64 / 2.0, factor };
+        match enlargement {
+            Enlargement::Exact => return Self::Exact { middle: (length - 1) as f64 / 2.0, factor },
+            Enlargement::Corner => return Self::Corner(Grid::new(length, factor)),
+            Enlargement::WholePixels => {}
         }
         let part = ((length as f64 / factor).ceil() as usize).clamp(1, length);
         let stretched = ((part as f64 * factor).round_ties_even() as usize).max(length);
@@ -61,6 +102,10 @@ impl Stretch {
     /// the fraction is 0.
     fn tap(&self, i: usize) -> Option<Tap> {
         let place = match *self {
+            Self::Corner(grid) => {
+                let (first, fraction) = grid.place(i);
+                return Some(Tap { first: first as u32, fraction });
+            }
             Self::Exact { middle, factor } => middle + (i as f64 - middle) / factor,
             Self::WholePixels { start, part, stretched, trimmed } => {
                 let ratio = (part - 1) as f64 / (stretched - 1).max(1) as f64;
@@ -144,14 +189,21 @@ pub fn zoom_blur(
             let Some(tap) = down.tap(y) else { continue };
             let upper = src.row(tap.first as usize);
             let lower = src.row((tap.first as usize + 1).min(height - 1));
-            let weights = [weight * (1.0 - tap.fraction), weight * tap.fraction];
             // Only the columns that are used: the outermost ones are the first and the last.
             let used = columns[0].first as usize..(columns[width - 1].first as usize + 2).min(width);
             let used = used.start * CHANNELS..used.end * CHANNELS;
-            mix_rows(&upper[used.clone()], &lower[used.clone()], &mut row[used], weights);
+            let (upper, lower, between) = (&upper[used.clone()], &lower[used.clone()], &mut row[used]);
+            if enlargement == Enlargement::Corner {
+                interpolate_rows(upper, lower, between, tap.fraction, *weight);
+            } else {
+                mix_rows(upper, lower, between, [weight * (1.0 - tap.fraction), weight * tap.fraction]);
+            }
             add_stretched(row, columns, sums);
         }
-        finish(sums, dst.row_mut(y), scale);
+        match enlargement {
+            Enlargement::Corner => finish_without_fractions(sums, dst.row_mut(y), scale),
+            Enlargement::WholePixels | Enlargement::Exact => finish(sums, dst.row_mut(y), scale),
+        }
     }
 }
 
@@ -171,6 +223,18 @@ vectorised! {
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
             *out = f32::from(upper) * weights[0] + f32::from(lower) * weights[1];
+        }
+    }
+}
+
+vectorised! {
+    // Unlike `mix_rows`, this leaves what is equal in both rows as it is, which matters where fractions are dropped.
+    fn interpolate_rows / interpolate_rows_avx2 (
+        upper: &[u8], lower: &[u8], row: &mut [f32], fraction: f32, weight: f32,
+    ) {
+        for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
+            let (upper, lower) = (f32::from(upper), f32::from(lower));
+            *out = (upper + (lower - upper) * fraction) * weight;
         }
     }
 }
@@ -196,6 +260,18 @@ vectorised! {
         for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
             for (value, sum) in pixel.iter_mut().zip(sums) {
                 *value = round_to_byte(sum * scale);
+            }
+        }
+    }
+}
+
+vectorised! {
+    fn finish_without_fractions / finish_without_fractions_avx2 (
+        sums: &[f32], row: &mut [u8], scale: f32,
+    ) {
+        for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
+            for (value, sum) in pixel.iter_mut().zip(sums) {
+                *value = (sum * scale) as u8;
             }
         }
     }
@@ -294,6 +370,54 @@ mod tests {
             zoom_blur(src, second.as_mut(), count, step, Enlargement::Exact, &mut Workspace::default());
             assert_eq!(first, second);
         }
+    }
+
+    /// As whole enlarged images, pixel by pixel.
+    fn plain_from_corner(src: Frame<'_>, count: usize, step: f64) -> FrameBuf {
+        let step = (1.0 + step) - 1.0;
+        let mut sums: Vec<[f32; 3]> =
+            src.rows().flat_map(|row| row.chunks(3).map(|p| [p[0], p[1], p[2]].map(f32::from))).collect();
+        for zoom in 0..count {
+            let factor = 1.0 + zoom as f64 * step;
+            let (across, down) = (Grid::new(src.width(), factor), Grid::new(src.height(), factor));
+            for y in 0..src.height() {
+                for x in 0..src.width() {
+                    let ((left, right_by), (upper, down_by)) = (across.place(x), down.place(y));
+                    let (right, lower) = ((left + 1).min(across.last()), (upper + 1).min(down.last()));
+                    for c in 0..3 {
+                        let at = |x: usize, y: usize| f32::from(src.pixel(x, y)[c]);
+                        let between = |x: usize| at(x, upper) + (at(x, lower) - at(x, upper)) * down_by;
+                        let value = between(left) + (between(right) - between(left)) * right_by;
+                        sums[y * src.width() + x][c] += value;
+                    }
+                }
+            }
+        }
+        let scale = 1.0 / (count + 1) as f32;
+        plain(src, |x, y| sums[y * src.width() + x].map(|sum| (sum * scale) as u8))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn from_the_corner_it_is_the_plain_version(sample in samples(), count in 0..16usize, step in 0.0..0.3) {
+            let expected = plain_from_corner(sample.frame(), count, step);
+            crate::simd::with_each(|_| {
+                let mut workspace = Workspace::default();
+                let result = run_on(&sample, |src, dst| {
+                    zoom_blur(src, dst, count as f64, step, Enlargement::Corner, &mut workspace);
+                });
+                assert!(result == expected);
+            });
+        }
+    }
+
+    #[test]
+    fn the_grid_goes_from_corner_to_corner() {
+        let grid = Grid::new(100, 2.0);
+        assert_eq!((grid.start, grid.count, grid.place(0)), (25, 50, (25, 0.0)));
+        assert_eq!(grid.place(99).0, 74);
     }
 
     #[test]

@@ -225,6 +225,45 @@ fn a_record_holds_what_was_measured_and_is_driven_again_without_the_scale() {
 }
 
 #[test]
+fn what_hardly_changes_the_frames_of_a_scale_is_reported() {
+    let folder = temp();
+    image::RgbImage::from_pixel(160, 120, image::Rgb([120; 3])).save(folder.path().join("grey.png")).unwrap();
+    let calibrate = ["calibrate", "grey.png", "-o", "mine.scale.json", "--width", "160", "--with"];
+    let finished = Pdk::new(calibrate).args(["gaussian_blur", "--with", "fog_filter"]).folder(folder.path());
+    let warning = "pdk: warning: 1 of 2 perturbations reach no level of the scale";
+    let stderr = finished.succeed().stderr;
+    assert!(stderr.contains(warning), "{stderr}");
+}
+
+#[test]
+fn a_recording_is_evaluated_on_a_scale() {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let run = |levels: &str| {
+        Pdk::new(["run", "offline", "--out"])
+            .arg(&out)
+            .set("dataset", repository().join("docs/examples/tub").display())
+            .set("driver", r#"{"name":"dave2","speed":8}"#)
+            .set("trust", true)
+            .set("frames", 2)
+            .set("perturbations", "fog_filter,gaussian_blur")
+            .set("levels", levels)
+            .set("level_scale", "calibrated-1")
+    };
+    let stderr = run("0,3").succeed().stderr;
+    let left_out =
+        "Left out, because calibrated-1 does not have all of levels 0 to 3 for them: gaussian_blur";
+    assert!(stderr.contains(left_out), "{stderr}");
+    let results = json_lines(&out.join("results.jsonl"));
+    assert_eq!(results.len(), 4, "two frames at two levels");
+    for line in results {
+        assert_eq!(line["label"], r#"fog_filter,level_scale="calibrated-1""#);
+    }
+    fs::remove_dir_all(&out).unwrap();
+    run("0,9").fail(1, &["no perturbation reaches levels 0 to 9 of calibrated-1; set other levels"]);
+}
+
+#[test]
 fn a_scale_is_measured_and_used() {
     let folder = temp();
     fs::create_dir(folder.path().join("frames")).unwrap();

@@ -246,6 +246,17 @@ fn the_study_ranks_by_failures() {
         let share = failed as f64 / of_entry.len() as f64;
         assert_eq!(number("failed_share"), share);
         assert!(number("failed_share_low") <= share && share <= number("failed_share_high"));
+        let at_highest: Vec<f64> = of_entry
+            .iter()
+            .filter(|outcome| outcome["name"].as_str().unwrap().contains("@4,"))
+            .map(|outcome| match outcome["success"] == true {
+                true => (outcome["max_cross_track_error"].as_f64().unwrap() / 2.0).min(1.0),
+                false => 1.0,
+            })
+            .collect();
+        assert_eq!(at_highest.len(), each);
+        let closeness = at_highest.iter().sum::<f64>() / each as f64;
+        assert!((number("closeness") - closeness).abs() < 1e-12, "{closeness} of {entry}");
         let increases: Vec<f64> = of_entry
             .iter()
             .filter(|outcome| outcome["success"] == true && outcome["name"].as_str().unwrap().contains("@4,"))

@@ -41,6 +41,7 @@ const PDK: &str = r#"
                     verdict = if success then "passed" else "unsafe",
                     time = 3,
                     mean_cross_track_error = scenario.road.angles[1] + level / 10,
+                    max_cross_track_error = (scenario.road.angles[1] + level) / 10,
                     measures = { over_line_seconds = 0 },
                 }
                 local conditions = if type(request.simulator) == "table" then ` {request.simulator.conditions}` else ""
@@ -256,6 +257,14 @@ fn a_study_halves_levels_and_compares_drivers() {
     assert_eq!(fog["by_driver"][1]["failing_level"]["level"], 3);
     assert_eq!(saved["ranking"][1]["drives"], 16);
     assert!((saved["ranking"][1]["mean_cross_track_error_increase"].as_f64().unwrap() - 0.3).abs() < 1e-12);
+    // Of 2 m: a failed drive came as close as can be, rain to .4 and .6 m on the two roads.
+    let close = |place: usize| {
+        let entry = &saved["ranking"][place];
+        (entry["closeness"].as_f64().unwrap(), entry["closeness_group"].clone())
+    };
+    assert_eq!(close(0), (1.0, json!(1)));
+    assert!((close(1).0 - 0.25).abs() < 1e-12 && close(1).1 == json!(2), "{:?}", close(1));
+    assert!((saved["nominal_closeness"].as_f64().unwrap() - 0.1).abs() < 1e-12);
     assert_eq!(saved["by_level"][0]["by_level"][2]["failed_share"], json!(0.5));
     let comparison = &saved["comparisons"][0];
     assert_eq!((&comparison["against"], &comparison["paired"]["roads"]), (&json!("lane_keeper"), &json!(3)));

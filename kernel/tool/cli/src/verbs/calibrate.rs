@@ -100,6 +100,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             Err(error) => eprintln!("pdk: warning: left out: {error}"),
         }
     }
+    let idle = of_perturbations.iter().filter(|of| of.points.is_empty()).count();
+    if idle > 0 {
+        eprintln!(
+            "pdk: warning: {idle} of {} perturbations reach no level of the scale, because they hardly change these frames; if that is most of them, use pictures of a camera",
+            of_perturbations.len()
+        );
+    }
     let measured_frame = |(name, frame): (String, &FrameBuf)| {
         let mut hash = blake3::Hasher::new();
         frame.as_ref().rows().for_each(|row| {
