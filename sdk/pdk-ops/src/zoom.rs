@@ -384,11 +384,10 @@ mod tests {
                 for x in 0..src.width() {
                     let ((left, right_by), (upper, down_by)) = (across.place(x), down.place(y));
                     let (right, lower) = ((left + 1).min(across.last()), (upper + 1).min(down.last()));
-                    for c in 0..3 {
+                    for (c, sum) in sums[y * src.width() + x].iter_mut().enumerate() {
                         let at = |x: usize, y: usize| f32::from(src.pixel(x, y)[c]);
                         let between = |x: usize| at(x, upper) + (at(x, lower) - at(x, upper)) * down_by;
-                        let value = between(left) + (between(right) - between(left)) * right_by;
-                        sums[y * src.width() + x][c] += value;
+                        *sum += between(left) + (between(right) - between(left)) * right_by;
                     }
                 }
             }
