@@ -292,7 +292,7 @@ mod tests {
         settings.start = Duration::from_secs(60);
         let deadline = settings.starting();
         let error = Station::new(&settings, 0).unwrap().connect(0, &deadline).unwrap_err();
-        assert!(deadline.elapsed() < Duration::from_secs(5));
+        assert!(deadline.elapsed() < Duration::from_secs(30), "half of what it has to start");
         assert!(error.message().contains(&format!("port {} slot 0", settings.port)), "{error}");
     }
 

@@ -248,8 +248,8 @@ fn a_component_that_panics_or_ends_the_process_has_a_line_that_says_so() {
 #[ignore = "long: .ci/run runs it"]
 fn a_component_that_does_not_come_back_has_a_line_that_says_so() {
     // A worker that waits for what hangs has nothing to do, so there may be more of them.
-    let set = [("patience", "1"), ("workers", "6")];
-    drive(&in_every_function(&[("hang", "late", "has not come back for 1 s")]), &set);
+    let set = [("patience", "3"), ("workers", "6")];
+    drive(&in_every_function(&[("hang", "late", "has not come back for 3 s")]), &set);
 }
 
 #[test]
@@ -348,7 +348,7 @@ const OFFLINE: [(&str, &str, &str); 13] = [
         "dataset `misbehave` in `name` at frame 2 ended the process with exit code 0",
     ),
     ("dataset", "kill_in_read", "dataset `misbehave` in `read` at frame 2 was ended by signal 9"),
-    ("dataset", "hang_in_read", "dataset `misbehave` in `read` at frame 2 has not come back for 1 s"),
+    ("dataset", "hang_in_read", "dataset `misbehave` in `read` at frame 2 has not come back for 3 s"),
     ("driver", "panic_in_drive", "as asked to in `drive`"),
     ("driver", "abort_in_drive", "driver `misbehave` in `drive` at frame 2 was ended by signal 6"),
     ("driver", "segfault_in_drive", "driver `misbehave` in `drive` at frame 2 was ended by signal 11"),
@@ -358,7 +358,7 @@ const OFFLINE: [(&str, &str, &str); 13] = [
         "driver `misbehave` in `drive` at frame 2 ended the process with exit code 0",
     ),
     ("driver", "kill_in_drive", "driver `misbehave` in `drive` at frame 2 was ended by signal 9"),
-    ("driver", "hang_in_drive", "driver `misbehave` in `drive` at frame 2 has not come back for 1 s"),
+    ("driver", "hang_in_drive", "driver `misbehave` in `drive` at frame 2 has not come back for 3 s"),
     ("perturbation", "abort_in_apply", "in `apply` at frame 2 was ended by signal 6"),
 ];
 
@@ -367,15 +367,15 @@ const NOT_MADE: [(&str, &str, &str); 6] = [
     ("dataset", "abort_in_new", "dataset `misbehave` in `new` was ended by signal 6"),
     ("dataset", "segfault_in_len", "dataset `misbehave` in `new` was ended by signal 11"),
     ("dataset", "exit_in_drop", "dataset `misbehave` in `drop` ended the process with exit code 0"),
-    ("dataset", "hang_in_new", "dataset `misbehave` in `new` has not come back for 1 s"),
+    ("dataset", "hang_in_new", "dataset `misbehave` in `new` has not come back for 3 s"),
     ("driver", "panic_in_new", "as asked to in `new`"),
-    ("driver", "hang_in_drop", "driver `misbehave` in `drop` has not come back for 1 s"),
+    ("driver", "hang_in_drop", "driver `misbehave` in `drop` has not come back for 3 s"),
 ];
 
 #[test]
 #[ignore = "long: .ci/run runs it"]
 fn offline_a_frame_is_lost_and_the_others_are_evaluated() {
-    lose_a_frame(&OFFLINE, &NOT_MADE, &[("patience", "1")]);
+    lose_a_frame(&OFFLINE, &NOT_MADE, &[("patience", "3")]);
 }
 
 /// It may take its time: how long depends on what else the machine does.

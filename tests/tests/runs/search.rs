@@ -359,7 +359,7 @@ fn a_strategy_that_misbehaves_ends_the_search_with_a_sentence() {
     run(&script, &out)
         .misbehave()
         .set("strategy", strategy)
-        .set("patience", 1)
+        .set("patience", 3)
         .fail(1, &["search `misbehave` in `ask`"]);
 }
 

@@ -61,10 +61,12 @@ fn loops_without_end_are_ended_with_their_line() {
         (1, "string.gsub('x', 'x', function() while true do end end)"),
         (1, "local t = setmetatable({}, { __index = function() while true do end end }) return t.x"),
     ] {
-        let start = Instant::now();
+        let before = own_time();
         let error = error(source);
         assert_eq!(error, format!("{SCRIPT}:{line}: {expected}"), "{source}");
-        assert!(start.elapsed() < Duration::from_secs(3), "{:?} for {source}", start.elapsed());
+        // Processor time: on a busy machine the clock says nothing.
+        let took = Duration::from_nanos(own_time() - before);
+        assert!(took < Duration::from_secs(1), "{took:?} for {source}");
     }
 }
 
@@ -412,9 +414,11 @@ fn a_script_ends_when_the_user_stops_it() {
             run(&sandbox, "local s = 0 for i = 1, 1e6 do s += i end return 1").unwrap(),
             Value::Number(1.0)
         );
-        let start = Instant::now();
+        // Far less than its limit of processor time.
+        let before = own_time();
         assert_eq!(run(&sandbox, source).unwrap_err(), Error::new("stopped by Ctrl-C"));
-        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+        let took = Duration::from_nanos(own_time() - before);
+        assert!(took < Duration::from_secs(5), "{took:?}");
     }
     wanted(false);
     std::thread::scope(|scope| {
