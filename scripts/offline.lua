@@ -35,13 +35,18 @@ elseif driver.name == "onnx" and not driver.model then
 	error("name the model with --set model=FILE.onnx, or a driver with --set driver=NAME", 0)
 end
 
-local perturbations = settings.perturbations
-if settings.level_scale ~= "" and #settings.levels > 0 then
-	local levels = {}
-	for _, level in settings.levels do
-		table.insert(levels, level)
+-- Lists without anything and levels that are none are left to `pdk.evaluate`, which refuses them.
+local perturbations, levels = settings.perturbations, {}
+for _, level in settings.levels do
+	table.insert(levels, level)
+end
+table.sort(levels)
+if settings.level_scale ~= "" and #perturbations > 0 and #levels > 0 and levels[1] >= 0 and levels[#levels] <= 4 then
+	for _, perturbation in settings.perturbations do
+		if type(perturbation) ~= "string" or string.find(perturbation, "[,@]") then
+			error("with level_scale, perturbations are names alone, without parameters and modifiers", 0)
+		end
 	end
-	table.sort(levels)
 	perturbations = {}
 	for _, name in study.reaching(settings.perturbations, levels, settings.level_scale) do
 		table.insert(perturbations, { name = name, level_scale = settings.level_scale })

@@ -15,8 +15,8 @@
 -- road. Roads that a driver does not manage with a clear view are left out for it.
 -- An error of a component says nothing about a driver and is counted apart.
 --
--- A second table says how close drives at the highest level came to failing, with groups of its own. It tells apart what never makes a
--- driver fail.
+-- A second table helps to distinguish perturbations under which no driver fails. The closeness of a drive at the highest level is its
+-- largest |XTE| divided by the one at which the vehicle has left its lane, or 1 if the drive failed. Intervals and groups are of roads too.
 --
 -- ranking.json in the record holds what the tables show and more: the share of failing levels on each road, from which groups can be
 -- computed again (pdk.groups), failures by level, and the level from which on each driver fails in each of the conditions, with intervals.
@@ -53,8 +53,9 @@ if #settings.drivers == 0 then
 end
 local percent = string.format("%g %%", 100 * settings.confidence)
 local highest = levels[#levels]
--- The |XTE| in metres at which a vehicle has left its lane: 2 in `lane`.
-local lane_departure: number = settings.failure.lane_departure or 2
+-- The |XTE| in metres at which a vehicle has left its lane, if it is known: 2 in `lane`.
+local simulator = if type(settings.simulator) == "table" then settings.simulator else { name = settings.simulator }
+local lane_departure: number? = settings.failure.lane_departure or simulator.lane_departure or (if simulator.name == "lane" then 2 else nil)
 
 local function interval(estimate): string
 	return string.format("%.2f to %.2f", estimate.low, estimate.high)
@@ -162,7 +163,7 @@ for _, name in names do
 		table.insert(not_driven, name)
 		continue
 	end
-	local close = pdk.mean_share(closeness, settings.confidence)
+	local close = tally.mean_closeness(closeness, settings.confidence)
 	local entry: { [string]: any } = {
 		perturbation = name,
 		shares = shares,
@@ -190,12 +191,14 @@ for _, name in names do
 			local here = study.known(of.by_level[i])
 			table.insert(by_level, { level = level, roads = #here, failed_share = study.mean(here) })
 		end
+		local _, _, closeness_here = pooled(name, function(other) return other == place end)
 		local cell: { [string]: any } = {
 			conditions = place.conditions,
 			driver = place.name,
 			failing_level = failing_level(name, function(other) return other == place end),
 			median_time_to_failure = study.median(of.times),
 			mean_cross_track_error_increase = study.mean(of.increases),
+			closeness = study.mean(study.known(closeness_here)),
 			by_level = by_level,
 		}
 		for _, count in tally.counts do
@@ -258,38 +261,53 @@ if #not_driven > 0 then
 	print(`Not ranked, because a component failed in every scenario: {table.concat(not_driven, ", ")}`)
 end
 
--- How close drives at the highest level came to failing, the closest first.
-local nominal_closeness, by_closeness = {}, {}
-for _, place in places do
-	for _, road in place.roads do
-		table.insert(nominal_closeness, math.min(1, road.largest[1] / lane_departure))
+-- How close drives at the highest level came to failing, the closest first, among them drives with a clear view.
+local function with_a_clear_view()
+	local by_road = {}
+	for number = 1, settings.roads do
+		local here = {}
+		for _, place in places do
+			for _, road in place.roads do
+				if road.number == number then
+					table.insert(here, math.min(1, road.largest[1] / lane_departure :: number))
+				end
+			end
+		end
+		by_road[number] = (study.mean(here) or false) :: any
 	end
+	local close = tally.mean_closeness(by_road, settings.confidence)
+	return { perturbation = "a clear view", closeness_by_road = by_road, closeness = close.value, closeness_low = close.low, closeness_high = close.high }
 end
-for _, entry in entries do
-	if entry.closeness then
-		table.insert(by_closeness, entry)
+local clear_view: any = nil
+if lane_departure then
+	clear_view = with_a_clear_view()
+	local by_closeness = { clear_view }
+	for _, entry in entries do
+		if entry.closeness then
+			table.insert(by_closeness, entry)
+		end
 	end
-end
-table.sort(by_closeness, function(a, b)
-	if a.closeness ~= b.closeness then
-		return a.closeness > b.closeness
+	table.sort(by_closeness, function(a, b)
+		if a.closeness ~= b.closeness then
+			return a.closeness > b.closeness
+		end
+		return a.perturbation < b.perturbation
+	end)
+	in_order = {}
+	for _, entry in by_closeness do
+		table.insert(in_order, entry.closeness_by_road)
 	end
-	return a.perturbation < b.perturbation
-end)
-local in_order_of_closeness = {}
-for _, entry in by_closeness do
-	table.insert(in_order_of_closeness, entry.closeness_by_road)
+	rows = {}
+	for place, group in pdk.groups(in_order, settings.confidence) do
+		local entry = by_closeness[place]
+		entry.closeness_group = group
+		table.insert(rows, { group, entry.perturbation, entry.closeness, string.format("%.2f to %.2f", entry.closeness_low, entry.closeness_high) } :: { any })
+	end
+	print(`How close drives came to failing at level {highest}: their largest |XTE| divided by {lane_departure} m, or 1 if they failed`)
+	pdk.table({ "group", "perturbation", "closeness", percent }, rows)
+else
+	print(`How close drives came to failing is not known: set failure.lane_departure to the |XTE| in metres at which a vehicle has left its lane in {simulator.name}`)
 end
-rows = {}
-for place, group in pdk.groups(in_order_of_closeness, settings.confidence) do
-	local entry = by_closeness[place]
-	entry.closeness_group = group
-	table.insert(rows, { group, entry.perturbation, entry.closeness, string.format("%.2f to %.2f", entry.closeness_low, entry.closeness_high) } :: { any })
-end
-local clear_view = study.mean(nominal_closeness)
-table.insert(rows, { "", "a clear view", clear_view or "", "" } :: { any })
-print(`How close drives came to failing at level {highest}: their largest |XTE| as a share of {lane_departure} m, and 1 for those that failed`)
-pdk.table({ "group", "perturbation", "closeness", percent }, rows)
 
 -- Each of the conditions and drivers at each level: the share of roads and perturbations that fail.
 local totals, total_rows = {}, {}
@@ -374,7 +392,7 @@ pdk.save("ranking.json", {
 	roads = settings.roads,
 	confidence = settings.confidence,
 	nominal = nominal,
-	nominal_closeness = clear_view,
+	clear_view = clear_view,
 	lane_departure = lane_departure,
 	ranking = entries,
 	by_level = totals,

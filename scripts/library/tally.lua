@@ -39,11 +39,11 @@ function tally.closeness(outcome, lane_departure: number): number
 end
 
 -- Counts the drives of a searcher: see `study.search`.
-local function count(entry, searcher, highest: number, lane_departure: number)
+local function count(entry, searcher, highest: number, lane_departure: number?)
 	entry.errors += if searcher.error then 1 else 0
 	for i, outcome in searcher.outcomes do
 		entry.drives += 1
-		if searcher.trials[i].level == highest then
+		if lane_departure and searcher.trials[i].level == highest then
 			table.insert(entry.closeness[searcher.road.number], tally.closeness(outcome, lane_departure))
 		end
 		if not outcome.success then
@@ -83,8 +83,9 @@ local function fill(entry, number: number, levels: { number })
 end
 
 -- What came of each of the named perturbations with a driver in some conditions, by its name, from searchers that are done. The
--- levels are in order, roads have numbers up to `roads`, and a vehicle with an |XTE| of `lane_departure` metres has left its lane.
-function tally.results(searchers, names: { string }, levels: { number }, roads: number, lane_departure: number)
+-- levels are in order, roads have numbers up to `roads`, and a vehicle with an |XTE| of `lane_departure` metres has left its lane; without
+-- it, there is no closeness.
+function tally.results(searchers, names: { string }, levels: { number }, roads: number, lane_departure: number?)
 	local by_name = {}
 	for _, name in names do
 		by_name[name] = empty(levels)
@@ -130,6 +131,16 @@ function tally.pooled(places, name: string, roads: number, picks)
 		closeness[number] = (study.mean(close) or false) :: any
 	end
 	return shares, trials, closeness
+end
+
+-- The mean over roads of how close drives came to failing, from 0 to 1, with its interval; nothing if there is none.
+function tally.mean_closeness(by_road: { number | false }, confidence: number)
+	local found = pdk.mean(study.known(by_road), confidence)
+	if not found or found.low == found.high then
+		-- Roads that are all alike do not say how much others may differ.
+		return pdk.mean_share(by_road, confidence)
+	end
+	return { value = found.value, low = math.max(0, found.low), high = math.min(1, found.high) }
 end
 
 return tally

@@ -549,8 +549,8 @@ def page(figures, loop):
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
     text += f"""
 All figures come from one run on one thread of one machine. They are medians of the thread's processor time, for frames after the first few
-(pdk prepares textures and clips once and keeps them, and the memory of arrays too). "Copies" are times as long as a copy of the frame takes in
-the same run, with the median of the levels. {versions}.{failed}
+(pdk prepares textures and clips once and keeps them, and the memory of arrays too). "Copies" is the time divided by that of a
+copy of the frame in the same run: of a perturbation in the tables by size the median of its levels, of the slowest at that level. {versions}.{failed}
 
 Some perturbations draw the places of things once per sequence and keep them, while other libraries draw for every frame; "drawn anew" means
 `draws=per_frame`. The other libraries do the nearest thing to pdk's perturbation that they have, with parameters as near as they allow: some do less

@@ -163,7 +163,7 @@ impl Workspace {
 /// The mean of the image and of `count` enlargements by `1`, `1 + step`, `1 + 2 * step` and so on, so that the image
 /// itself counts twice. What `count` has beyond a whole number is the weight of the last enlargement.
 ///
-/// Enlargements interpolate linearly; the sum is rounded once.
+/// Enlargements interpolate linearly; the sum is rounded once, or with [`Enlargement::Corner`] loses its fraction once.
 ///
 /// # Panics
 /// If the sizes of the frames differ, `count` is not within 0..=[`MAX_COUNT`], or `step` not within 0..=[`MAX_STEP`].
@@ -417,6 +417,9 @@ mod tests {
         let grid = Grid::new(100, 2.0);
         assert_eq!((grid.start, grid.count, grid.place(0)), (25, 50, (25, 0.0)));
         assert_eq!(grid.place(99).0, 74);
+        let odd = Grid::new(9, 1.5);
+        assert_eq!((odd.start, odd.count, odd.last()), (1, 6, 6));
+        assert_eq!([0, 4, 8].map(|index| odd.place(index)), [(1, 0.0), (3, 0.5), (6, 0.0)]);
     }
 
     #[test]

@@ -230,7 +230,7 @@ fn what_hardly_changes_the_frames_of_a_scale_is_reported() {
     image::RgbImage::from_pixel(160, 120, image::Rgb([120; 3])).save(folder.path().join("grey.png")).unwrap();
     let calibrate = ["calibrate", "grey.png", "-o", "mine.scale.json", "--width", "160", "--with"];
     let finished = Pdk::new(calibrate).args(["gaussian_blur", "--with", "fog_filter"]).folder(folder.path());
-    let warning = "pdk: warning: 1 of 2 perturbations reach no level of the scale";
+    let warning = "pdk: warning: no level of the scale can be reached with gaussian_blur: on these frames";
     let stderr = finished.succeed().stderr;
     assert!(stderr.contains(warning), "{stderr}");
 }
@@ -260,7 +260,11 @@ fn a_recording_is_evaluated_on_a_scale() {
         assert_eq!(line["label"], r#"fog_filter,level_scale="calibrated-1""#);
     }
     fs::remove_dir_all(&out).unwrap();
-    run("0,9").fail(1, &["no perturbation reaches levels 0 to 9 of calibrated-1; set other levels"]);
+    run("0,9").fail(1, &["has to be a number from 0 to 4"]);
+    let refusal = "with level_scale, perturbations are names alone, without parameters and modifiers";
+    run("0,3").set("perturbations", "rotate_image@degrees=7").fail(1, &[refusal]);
+    let blur = run("0,3").set("perturbations", "gaussian_blur");
+    blur.fail(1, &["no perturbation reaches levels 0 to 3 of calibrated-1; set other levels"]);
 }
 
 #[test]

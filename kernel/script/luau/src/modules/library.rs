@@ -264,10 +264,30 @@ fn a_study_halves_levels_and_compares_drivers() {
     };
     assert_eq!(close(0), (1.0, json!(1)));
     assert!((close(1).0 - 0.25).abs() < 1e-12 && close(1).1 == json!(2), "{:?}", close(1));
-    assert!((saved["nominal_closeness"].as_f64().unwrap() - 0.1).abs() < 1e-12);
+    assert!((saved["clear_view"]["closeness"].as_f64().unwrap() - 0.1).abs() < 1e-12);
+    assert_eq!(saved["ranking"][0]["cells"][3]["closeness"], json!(1));
     assert_eq!(saved["by_level"][0]["by_level"][2]["failed_share"], json!(0.5));
     let comparison = &saved["comparisons"][0];
     assert_eq!((&comparison["against"], &comparison["paired"]["roads"]), (&json!("lane_keeper"), &json!(3)));
+}
+
+#[test]
+fn closeness_is_of_the_place_at_which_a_lane_is_left() {
+    let rain = |from: &str, to: &str| {
+        let (study, _) = run("study", from, to).unwrap();
+        study["saved"]["ranking.json"]["ranking"][1]["closeness"].as_f64()
+    };
+    let set = |lane_departure: f64| format!("failure = {{ lane_departure = {lane_departure} }}");
+    let failure = "failure = {}";
+    // Rain has .4 and .6 m on the two roads.
+    for (lane_departure, expected) in [(4.0, 0.125), (0.5, 0.9)] {
+        let found = rain(failure, &set(lane_departure)).unwrap();
+        assert!((found - expected).abs() < 1e-12, "{lane_departure} m: {found}");
+    }
+    let of_the_simulator =
+        rain(r#"simulator = "lane""#, r#"simulator = { name = "udacity", lane_departure = 4 }"#);
+    assert!((of_the_simulator.unwrap() - 0.125).abs() < 1e-12);
+    assert_eq!(rain(r#"simulator = "lane""#, r#"simulator = "udacity""#), None, "it is not known there");
 }
 
 #[test]

@@ -100,11 +100,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             Err(error) => eprintln!("pdk: warning: left out: {error}"),
         }
     }
-    let idle = of_perturbations.iter().filter(|of| of.points.is_empty()).count();
-    if idle > 0 {
+    let idle: Vec<&str> =
+        of_perturbations.iter().filter(|of| of.points.is_empty()).map(|of| of.name.as_str()).collect();
+    if !idle.is_empty() {
         eprintln!(
-            "pdk: warning: {idle} of {} perturbations reach no level of the scale, because they hardly change these frames; if that is most of them, use pictures of a camera",
-            of_perturbations.len()
+            "pdk: warning: no level of the scale can be reached with {}: on these frames it costs less than level 0 or more than level {MAX_INTENSITY}, \
+             whatever its intensity; use pictures of a camera, or set --costs",
+            idle.join(", ")
         );
     }
     let measured_frame = |(name, frame): (String, &FrameBuf)| {
