@@ -35,7 +35,7 @@ elseif driver.name == "onnx" and not driver.model then
 	error("name the model with --set model=FILE.onnx, or a driver with --set driver=NAME", 0)
 end
 
--- Lists without anything and levels that are none are left to `pdk.evaluate`, which refuses them.
+-- Empty lists and levels out of range are left to `pdk.evaluate`, which refuses them.
 local perturbations, levels = settings.perturbations, {}
 for _, level in settings.levels do
 	table.insert(levels, level)

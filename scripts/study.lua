@@ -54,7 +54,7 @@ end
 local percent = string.format("%g %%", 100 * settings.confidence)
 local highest = levels[#levels]
 -- The |XTE| in metres at which a vehicle has left its lane, if it is known: 2 in `lane`.
-local simulator = if type(settings.simulator) == "table" then settings.simulator else { name = settings.simulator }
+local simulator = study.simulator(settings)
 local lane_departure: number? = settings.failure.lane_departure or simulator.lane_departure or (if simulator.name == "lane" then 2 else nil)
 
 local function interval(estimate): string
@@ -269,7 +269,7 @@ local function with_a_clear_view()
 		for _, place in places do
 			for _, road in place.roads do
 				if road.number == number then
-					table.insert(here, math.min(1, road.largest[1] / lane_departure :: number))
+					table.insert(here, tally.closeness(road.outcomes[1], lane_departure :: number))
 				end
 			end
 		end

@@ -94,11 +94,16 @@ end
 -- The length of a road's segments in metres that matches the speed at which drivers go in the conditions of `lane`.
 local segments = { easy = 25, standard = 37.5, hard = 50 }
 
+-- The simulator that is set, as a table with its name.
+function study.simulator(settings): any
+	return if type(settings.simulator) == "table" then settings.simulator else { name = settings.simulator }
+end
+
 -- The settings for some conditions of the simulator: as they are where it is left as it is, with "".
 function study.in_conditions(settings, conditions: string)
 	local these = table.clone(settings)
 	if conditions ~= "" then
-		local simulator = if type(settings.simulator) == "table" then table.clone(settings.simulator) else { name = settings.simulator }
+		local simulator = table.clone(study.simulator(settings))
 		simulator.conditions = conditions
 		these.simulator = simulator
 	end
@@ -167,7 +172,7 @@ end
 
 -- Says how far a bisection may be off in a simulator that may end drives under the same draws differently. `lane` does not.
 function study.warn_of_luck(settings)
-	local simulator = if type(settings.simulator) == "table" then settings.simulator.name else settings.simulator
+	local simulator = study.simulator(settings).name
 	if settings.search == "bisect" and simulator ~= "lane" then
 		print(
 			`If each drive in {simulator} has luck of its own, the levels that bisection finds are off by up to a quarter of a level; `
@@ -178,19 +183,19 @@ end
 
 -- A driver and where it drives, as sentences have it.
 local function place(settings, driver): string
-	local conditions = if type(settings.simulator) == "table" then settings.simulator.conditions else nil
+	local conditions = study.simulator(settings).conditions
 	return study.driver_name(driver) .. if conditions then ` in {conditions}` else ""
 end
 
 -- Makes the random roads that are set and drives each with a clear view, `repeats` times, with a driver. Returns those that it
--- manages every time, each with its number, seed, angles and road, and with the mean and the largest |XTE| of each drive and whether a
--- wheel was over the line; and the number of each other road with what ended the drive there.
+-- manages every time, each with its number, seed, angles and road, and with each drive's outcome, its mean |XTE| and whether a wheel was
+-- over the line; and the number of each other road with what ended the drive there.
 function study.roads(settings, repeats: number, driver)
 	local roads, scenarios, of = {}, {}, {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
 		local made = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts })
-		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, largest = {}, over_line = {} })
+		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, outcomes = {}, over_line = {} })
 	end
 	for again = 1, repeats do
 		for _, road in roads do
@@ -207,7 +212,7 @@ function study.roads(settings, repeats: number, driver)
 		end
 		if outcome.success then
 			table.insert(road.nominal, outcome.mean_cross_track_error)
-			table.insert(road.largest, outcome.max_cross_track_error)
+			table.insert(road.outcomes, outcome)
 			table.insert(road.over_line, outcome.measures.over_line_seconds > 0)
 		else
 			causes[road.number] = causes[road.number] or outcome.cause

@@ -104,8 +104,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         of_perturbations.iter().filter(|of| of.points.is_empty()).map(|of| of.name.as_str()).collect();
     if !idle.is_empty() {
         eprintln!(
-            "pdk: warning: no level of the scale can be reached with {}: on these frames it costs less than level 0 or more than level {MAX_INTENSITY}, \
-             whatever its intensity; use pictures of a camera, or set --costs",
+            "pdk: warning: no level of the scale can be reached with {}: on these frames each costs less than level 0 or more than level {MAX_INTENSITY}, \
+             at any intensity; use pictures of a camera, or set --costs",
             idle.join(", ")
         );
     }
