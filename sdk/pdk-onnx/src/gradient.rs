@@ -140,8 +140,10 @@ fn lacking(graph: &Graph, between: &HashSet<&str>) -> Vec<String> {
             && node.output.iter().any(|name| between.contains(name.as_str()))
     };
     let nodes = graph.nodes().iter().filter(on_the_way);
-    let mut lacking: Vec<String> =
-        nodes.filter(|node| operators::find(node).is_none()).map(|node| node.op_type.clone()).collect();
+    let has_none = |node: &&NodeProto| {
+        operators::find(node).is_none_or(|operator| matches!(operator.gradient, Rule::Unknown))
+    };
+    let mut lacking: Vec<String> = nodes.filter(has_none).map(|node| node.op_type.clone()).collect();
     lacking.sort_unstable();
     lacking.dedup();
     lacking
@@ -187,7 +189,7 @@ fn pass_through(
     let totals = totals.collect::<Result<Vec<_>>>()?;
     let Some(operator) = operators::find(site.node) else { return Ok(()) };
     let parts = match (operator.gradient, totals.as_slice()) {
-        (Rule::Zero, _) => return Ok(()),
+        (Rule::Unknown | Rule::Zero, _) => return Ok(()),
         (Rule::Each(rule), totals) => rule(site, builder, totals)?,
         (Rule::First(rule), [Some(first), rest @ ..]) if rest.iter().all(Option::is_none) => {
             rule(site, builder, first)?

@@ -21,6 +21,8 @@ pub(crate) struct Operator {
 /// How gradients pass an operator: from those of what it computes to those of what goes in.
 #[derive(Clone, Copy)]
 pub(crate) enum Rule {
+    /// It has none here: what depends on it is computed, but not derived.
+    Unknown,
     /// What it computes is constant, or constant in steps.
     Zero,
     /// From the gradient of its first output; it has none with respect to the others.
