@@ -28,8 +28,7 @@ impl Graph {
         let names: HashSet<&str> = known.keys().copied().collect();
         let needed = self.needed(values, &names);
         for (node, _) in self.nodes().iter().zip(needed).filter(|(_, needed)| *needed) {
-            let operator = operators::find(node)
-                .ok_or_else(|| Error::new(format!("{} cannot be computed here", describe(node))))?;
+            let operator = operators::known(node)?;
             for name in node.input.iter().filter(|name| !name.is_empty()) {
                 self.take_constant(name, &mut known)?;
             }

@@ -10,6 +10,7 @@ mod evaluate;
 pub mod field;
 pub mod gradient;
 pub mod graph;
+pub mod inference;
 pub mod layers;
 pub mod model;
 pub mod objective;

@@ -20,7 +20,7 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
 }
 
 /// By how much the sum at each place is divided.
-fn divisors(site: &Site<'_>, window: &Window) -> Vec<f64> {
+pub fn divisors(site: &Site<'_>, window: &Window) -> Vec<f64> {
     if site.int("count_include_pad", 0) == 0 {
         let mut counts = vec![0.0; window.output.iter().product()];
         window.pairs().iter().flatten().for_each(|&(to, _)| counts[to] += 1.0);

@@ -190,7 +190,7 @@ fn softplus(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 }
 
 /// The least and greatest value, if they are given.
-fn bounds(site: &Site<'_>) -> Result<[Option<f64>; 2]> {
+pub fn bounds(site: &Site<'_>) -> Result<[Option<f64>; 2]> {
     Ok([site.number_at(1, "min")?, site.number_at(2, "max")?])
 }
 

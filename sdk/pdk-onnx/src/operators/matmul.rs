@@ -11,7 +11,7 @@ use crate::values::Fact;
 pub const OPERATORS: &[Operator] = &[Operator::new("MatMul", infer, evaluate, Rule::First(gradient))];
 
 /// The shapes of both inputs as stacks of matrices: a vector is one row on the left, one column on the right.
-fn matrices(site: &Site<'_>) -> Result<[Vec<usize>; 2]> {
+pub fn matrices(site: &Site<'_>) -> Result<[Vec<usize>; 2]> {
     let (mut a, mut b) = (site.shape(0)?.to_vec(), site.shape(1)?.to_vec());
     if a.len() == 1 {
         a.insert(0, 1);
@@ -30,7 +30,7 @@ fn matrices(site: &Site<'_>) -> Result<[Vec<usize>; 2]> {
 }
 
 /// The shape of the product of two stacks of matrices.
-fn product_shape(a: &[usize], b: &[usize]) -> Result<Vec<usize>> {
+pub fn product_shape(a: &[usize], b: &[usize]) -> Result<Vec<usize>> {
     let mut shape = broadcast(&[&a[..a.len() - 2], &b[..b.len() - 2]])?;
     shape.extend([a[a.len() - 2], b[b.len() - 1]]);
     Ok(shape)

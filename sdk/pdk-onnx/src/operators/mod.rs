@@ -3,20 +3,20 @@
 //! An operator or a family of them has a file, with its rules and their tests.
 
 mod arithmetic;
-mod average_pool;
+pub(crate) mod average_pool;
 mod choice;
 mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
-mod functions;
+pub(crate) mod functions;
 mod gather;
 mod gelu;
 mod gemm;
 pub(crate) mod layout;
-mod matmul;
+pub(crate) mod matmul;
 pub(crate) mod max_pool;
-mod normalization;
+pub(crate) mod normalization;
 mod operator;
 pub(crate) mod pad;
 mod reduce;
@@ -25,9 +25,9 @@ pub(crate) mod slice;
 mod softmax;
 mod steps;
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
-use crate::graph::Graph;
+use crate::graph::{Graph, describe};
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
@@ -59,6 +59,14 @@ static FAMILIES: [&[Operator]; 21] = [
 pub(crate) fn find(node: &NodeProto) -> Option<&'static Operator> {
     let own = node.domain.is_empty() || node.domain == "ai.onnx";
     FAMILIES.iter().copied().flatten().find(|operator| own && operator.name == node.op_type)
+}
+
+/// The same, for a node that has to be computed.
+///
+/// # Errors
+/// If its operator is not known here.
+pub(crate) fn known(node: &NodeProto) -> Result<&'static Operator> {
+    find(node).ok_or_else(|| Error::new(format!("{} cannot be computed here", describe(node))))
 }
 
 // Here and not in `graph`, which does not know the operators: their gradients add nodes to graphs.

@@ -16,7 +16,7 @@ pub const OPERATORS: &[Operator] = &[
 ];
 
 /// The shape in which a number for each channel is broadcast.
-fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
+pub fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
     if shape.len() < 2 || site.shape(1)? != [shape[1]] {
         return Err(Error::new("it does not have one factor for each channel"));
@@ -24,7 +24,7 @@ fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
 }
 
-fn epsilon(site: &Site<'_>) -> f64 {
+pub fn epsilon(site: &Site<'_>) -> f64 {
     site.float("epsilon", 1e-5)
 }
 

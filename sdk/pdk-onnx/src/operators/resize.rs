@@ -136,7 +136,7 @@ fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
 }
 
 /// The axes that change, each with its matrix.
-fn matrices(site: &Site<'_>) -> Result<Vec<(usize, Vec<Vec<f64>>)>> {
+pub fn matrices(site: &Site<'_>) -> Result<Vec<(usize, Vec<Vec<f64>>)>> {
     let axes = scales(site)?.into_iter().zip(site.shape(0)?).enumerate();
     let changed = axes.filter(|(_, ((scale, size), length))| size != *length || *scale != 1.0);
     changed.map(|(axis, ((scale, size), &length))| Ok((axis, matrix(site, scale, length, size)?))).collect()

@@ -1,0 +1,109 @@
+//! The values of a graph while it runs.
+
+use half::{bf16, f16};
+use pdk_sdk::error::{Error, Result};
+
+use crate::tensor::Element;
+
+/// The elements of a value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Buffer {
+    /// Those of types whose every value a 32-bit float holds: floats of 32 and 16 bits, integers of 8 and 16 bits, truth values.
+    Single(Vec<f32>),
+    /// Those of wider types. Integers are exact up to 2^53.
+    Double(Vec<f64>),
+}
+
+impl Buffer {
+    /// Elements of a type.
+    pub fn of(element: Element, values: &[f64]) -> Self {
+        match is_single(element) {
+            true => Self::Single(values.iter().map(|&value| value as f32).collect()),
+            false => Self::Double(values.to_vec()),
+        }
+    }
+
+    /// The elements as 64-bit floats.
+    pub fn to_doubles(&self) -> Vec<f64> {
+        match self {
+            Self::Single(values) => values.iter().map(|&value| f64::from(value)).collect(),
+            Self::Double(values) => values.clone(),
+        }
+    }
+
+    /// Puts these elements in.
+    pub fn set(&mut self, values: &[f64]) {
+        match self {
+            Self::Single(into) => into.iter_mut().zip(values).for_each(|(into, value)| *into = *value as f32),
+            Self::Double(into) => into.iter_mut().zip(values).for_each(|(into, value)| *into = *value),
+        }
+    }
+
+    /// Makes room for exactly this many elements.
+    pub fn resize(&mut self, count: usize) {
+        match self {
+            Self::Single(values) => values.resize(count, 0.0),
+            Self::Double(values) => values.resize(count, 0.0),
+        }
+    }
+
+    /// Rounds the elements to a type that has 16 bits.
+    pub fn round(&mut self, element: Element) {
+        let round: fn(f64) -> f64 = match element.0 {
+            10 => |value| f16::from_f64(value).to_f64(),
+            16 => |value| bf16::from_f64(value).to_f64(),
+            _ => return,
+        };
+        match self {
+            Self::Single(values) => {
+                values.iter_mut().for_each(|value| *value = round(f64::from(*value)) as f32);
+            }
+            Self::Double(values) => values.iter_mut().for_each(|value| *value = round(*value)),
+        }
+    }
+
+    /// The elements of a type that is computed in 32 bits.
+    ///
+    /// # Errors
+    /// If they are of another, which is a defect.
+    pub fn single(&self) -> Result<&[f32]> {
+        match self {
+            Self::Single(values) => Ok(values),
+            Self::Double(_) => Err(Error::new("a value has more than 32 bits, which is a defect in pdk")),
+        }
+    }
+
+    /// The same, to be written.
+    ///
+    /// # Errors
+    /// As for [`Self::single`].
+    pub fn single_mut(&mut self) -> Result<&mut [f32]> {
+        match self {
+            Self::Single(values) => Ok(values),
+            Self::Double(_) => Err(Error::new("a value has more than 32 bits, which is a defect in pdk")),
+        }
+    }
+}
+
+/// Whether a 32-bit float holds every value of a type.
+pub fn is_single(element: Element) -> bool {
+    !matches!(element.0, 6 | 7 | 11 | 12 | 13)
+}
+
+/// What a node does while the graph runs.
+pub trait Operation: Send {
+    /// Computes the outputs, which have the sizes that they need, from the inputs.
+    ///
+    /// # Errors
+    /// If it cannot.
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()>;
+}
+
+/// The input at a place, in 32 bits.
+///
+/// # Errors
+/// If it is missing, or wider, which is a defect.
+pub fn single<'a>(inputs: &[Option<&'a Buffer>], place: usize) -> Result<&'a [f32]> {
+    let input = inputs.get(place).copied().flatten();
+    input.ok_or_else(|| Error::new(format!("its input {} is missing", place + 1)))?.single()
+}

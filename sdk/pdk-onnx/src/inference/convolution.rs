@@ -1,0 +1,353 @@
+//! `Conv` and `ConvTranspose`: which elements of the input each output is a sum over, as lists of offsets.
+//!
+//! A transposed convolution is as many convolutions as its strides have phases: the outputs of a phase are sums over the same taps.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::buffer::{Buffer, Operation, single};
+use super::lanes::LANES;
+use super::planar::{self, Row};
+use super::product::{self, Packed, Place};
+use crate::operators::{conv, conv_transpose};
+use crate::site::Site;
+use crate::tensor::{Tensor, elements, for_each_position};
+use crate::window::Window;
+
+/// A convolution, or one that is transposed.
+pub struct Convolution {
+    batch: usize,
+    group: usize,
+    /// Channels of the input in a group.
+    depth: usize,
+    /// Channels of the output in a group.
+    filters: usize,
+    /// The elements of a channel of the output.
+    plane: usize,
+    /// The lengths of a channel of the input, and how it is laid out before it is read.
+    input: Vec<usize>,
+    layout: Layout,
+    parts: Vec<Part>,
+    /// The input as it is read, with what is around it.
+    laid_out: Vec<f32>,
+    /// Whether the weights are constant: then they have been packed.
+    packed: bool,
+    bias: Option<Vec<f32>>,
+    transposed: bool,
+}
+
+/// Outputs that are sums over the same taps.
+struct Part {
+    taps: Vec<u32>,
+    /// For each tap the channel and the element of the kernel.
+    elements: Vec<(usize, usize)>,
+    places: Places,
+    /// By group.
+    weights: Vec<Weights>,
+}
+
+/// Where the outputs are.
+enum Places {
+    Each(Vec<Place>),
+    Rows(Vec<Row>, usize),
+}
+
+enum Weights {
+    Outputs(Packed),
+    Places(planar::Weights),
+}
+
+/// How a channel of the input is laid out.
+struct Layout {
+    /// Elements before the input along each axis.
+    before: Vec<usize>,
+    /// The lengths with what is before and behind.
+    lengths: Vec<usize>,
+    /// Along the last axis, elements whose places are the same modulo this lie side by side.
+    phases: usize,
+    /// Whether the input has to be copied for that.
+    is_copied: bool,
+}
+
+impl Layout {
+    fn new(input: &[usize], before: &[usize], lengths: Vec<usize>, phases: usize) -> Self {
+        let is_copied = phases > 1 || lengths != input;
+        Self { before: before.to_vec(), lengths, phases, is_copied }
+    }
+
+    /// The length of a row of one phase.
+    fn row(&self) -> usize {
+        self.lengths[self.lengths.len() - 1].div_ceil(self.phases)
+    }
+
+    /// The number of elements of a channel.
+    fn plane(&self) -> usize {
+        self.lengths[..self.lengths.len() - 1].iter().product::<usize>() * self.row() * self.phases
+    }
+
+    /// Where an element is, by its places from the beginning of what is before.
+    fn at(&self, place: impl IntoIterator<Item = usize>) -> usize {
+        let (last, mut offset) = (self.lengths.len() - 1, 0);
+        for (axis, at) in place.into_iter().enumerate() {
+            offset = match axis == last {
+                true => (offset * self.phases + at % self.phases) * self.row() + at / self.phases,
+                false => offset * self.lengths[axis] + at,
+            };
+        }
+        offset
+    }
+
+    /// Copies the channels of an input to where they are read.
+    fn lay_out(&self, input: &[usize], channels: &[f32], into: &mut [f32]) {
+        let width = input[input.len() - 1];
+        let outer = &input[..input.len() - 1];
+        let rows = channels.chunks_exact((outer.iter().product::<usize>() * width).max(1));
+        for (channel, plane) in rows.zip(into.chunks_exact_mut(self.plane().max(1))) {
+            let mut rows = channel.chunks_exact(width.max(1));
+            for_each_position(outer, |place| {
+                let Some(row) = rows.next() else { return };
+                let place = place.iter().zip(&self.before).map(|(at, before)| at + before);
+                let start = self.before[input.len() - 1];
+                if self.phases == 1 {
+                    let to = self.at(place.chain([start]));
+                    plane[to..to + width].copy_from_slice(row);
+                    return;
+                }
+                let first = self.at(place.chain([0]));
+                for phase in 0..self.phases {
+                    // The first element of the row that belongs to this phase.
+                    let skipped = (phase + self.phases - start % self.phases) % self.phases;
+                    let to = first + phase * self.row() + (start + skipped) / self.phases;
+                    let values = row.iter().skip(skipped).step_by(self.phases);
+                    plane[to..].iter_mut().zip(values).for_each(|(into, value)| *into = *value);
+                }
+            });
+        }
+    }
+}
+
+impl Convolution {
+    /// `Conv`.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn new(site: &Site<'_>, weights: Option<&Tensor>, bias: Option<&Tensor>) -> Result<Self> {
+        let (window, group) = conv::window(site)?;
+        let (image, kernel) = (site.shape(0)?, site.shape(1)?);
+        let (filters, depth) = (kernel[0] / group, kernel[1]);
+        let last = window.kernel.len() - 1;
+        let width = window.output[last];
+        // Lanes are outputs where there are enough of them, else neighbouring places.
+        let by_rows = filters < LANES && width >= LANES;
+        let phases = if by_rows { window.strides[last] } else { 1 };
+        let lengths = (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
+        let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases);
+        let mut to = 0;
+        let mut places = Vec::new();
+        let mut rows = Vec::new();
+        for_each_position(&window.output, |place| {
+            let from = || layout.at(place.iter().zip(&window.strides).map(|(at, stride)| at * stride)) as u32;
+            match by_rows {
+                true if place[last] == 0 => rows.push(Row { from: from(), to }),
+                true => {}
+                false => places.push(Place { from: from(), to }),
+            }
+            to += 1;
+        });
+        let places = if by_rows { Places::Rows(rows, width) } else { Places::Each(places) };
+        let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
+        let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
+        let plane = window.output.iter().product();
+        Self::of(Shape { batch: image[0], group, depth, filters, plane, transposed: false }, window.input, layout, vec![part], weights, bias)
+    }
+
+    /// `ConvTranspose`.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn transposed(site: &Site<'_>, weights: Option<&Tensor>, bias: Option<&Tensor>) -> Result<Self> {
+        let (window, group) = conv_transpose::window(site)?;
+        let (image, kernel) = (site.shape(0)?, site.shape(1)?);
+        let (depth, filters) = (image[1] / group, kernel[1]);
+        let axes = window.kernel.len();
+        // An output at `o` is a sum over the taps `t` for which `o + before - t dilation` is a multiple of the stride: of the input there.
+        let reach = |axis: usize| (window.kernel[axis] - 1) * window.dilations[axis] / window.strides[axis];
+        let before: Vec<usize> = (0..axes).map(reach).collect();
+        let quotient = |axis: usize, at: usize| (at + window.before[axis]) / window.strides[axis];
+        let lengths = (0..axes).map(|axis| {
+            let farthest = window.input[axis].checked_sub(1).map_or(0, |last| quotient(axis, last) + 1);
+            before[axis] + farthest.max(window.output[axis])
+        });
+        let layout = Layout::new(&window.output, &before, lengths.collect(), 1);
+        let mut places: Vec<Vec<Place>> = vec![Vec::new(); elements(&window.strides)?];
+        let mut to = 0;
+        for_each_position(&window.input, |place| {
+            let phase = (0..axes).fold(0, |phase, axis| {
+                phase * window.strides[axis] + (place[axis] + window.before[axis]) % window.strides[axis]
+            });
+            let from = layout.at((0..axes).map(|axis| quotient(axis, place[axis])));
+            places[phase].push(Place { from: from as u32, to });
+            to += 1;
+        });
+        let mut places = places.into_iter();
+        let mut parts = Vec::new();
+        for_each_position(&window.strides, |phase| {
+            // Offsets are counted from the farthest element, so that none is negative.
+            let tap = |axis: usize, at: usize| {
+                let reach = at * window.dilations[axis];
+                let distance = reach.checked_sub(phase[axis])?;
+                (distance % window.strides[axis] == 0).then(|| before[axis] - distance / window.strides[axis])
+            };
+            let places = Places::Each(places.next().unwrap_or_default());
+            parts.push(Part::new(&layout, depth, &window.kernel, places, tap));
+        });
+        let parts = parts.into_iter().collect::<Result<_>>()?;
+        let plane = window.input.iter().product();
+        Self::of(Shape { batch: image[0], group, depth, filters, plane, transposed: true }, window.output, layout, parts, weights, bias)
+    }
+
+    fn of(
+        shape: Shape,
+        input: Vec<usize>,
+        layout: Layout,
+        parts: Vec<Part>,
+        weights: Option<&Tensor>,
+        bias: Option<&Tensor>,
+    ) -> Result<Self> {
+        let Shape { batch, group, depth, filters, plane, transposed } = shape;
+        let room = if layout.is_copied { elements(&[depth, layout.plane()])? } else { 0 };
+        elements(&[filters, plane, 2])?;
+        let bias = bias.map(|bias| bias.values.iter().map(|&value| value as f32).collect());
+        let mut convolution = Self {
+            batch,
+            group,
+            depth,
+            filters,
+            plane,
+            input,
+            layout,
+            parts,
+            laid_out: vec![0.0; room],
+            packed: weights.is_some(),
+            bias,
+            transposed,
+        };
+        if let Some(weights) = weights {
+            let values: Vec<f32> = weights.values.iter().map(|&value| value as f32).collect();
+            let bias = convolution.bias.take().unwrap_or_default();
+            convolution.pack(&values, &bias);
+        }
+        Ok(convolution)
+    }
+
+    /// Packs the weights for every part.
+    fn pack(&mut self, weights: &[f32], bias: &[f32]) {
+        let (group, depth, filters, transposed) = (self.group, self.depth, self.filters, self.transposed);
+        for part in &mut self.parts {
+            // Weights of a convolution are by filter, channel and element; of a transposed one, by channel, filter and element.
+            let taps = weights.len() / (group * depth * filters).max(1);
+            let elements = &part.elements;
+            part.weights = (0..group)
+                .map(|group| {
+                    let weight = |filter: usize, tap: usize| {
+                        let (channel, element) = elements[tap];
+                        let row = match transposed {
+                            true => (group * depth + channel) * filters + filter,
+                            false => (group * filters + filter) * depth + channel,
+                        };
+                        weights[row * taps + element]
+                    };
+                    let start = |filter: usize| bias.get(group * filters + filter).copied().unwrap_or(0.0);
+                    match &part.places {
+                        Places::Each(places) => {
+                            Weights::Outputs(Packed::new(filters, elements.len(), places.len(), weight, start))
+                        }
+                        Places::Rows(..) => {
+                            Weights::Places(planar::Weights::new(filters, elements.len(), weight, start))
+                        }
+                    }
+                })
+                .collect();
+        }
+    }
+}
+
+struct Shape {
+    batch: usize,
+    group: usize,
+    depth: usize,
+    filters: usize,
+    plane: usize,
+    transposed: bool,
+}
+
+impl Part {
+    /// The taps of a kernel. `tap` says how far an element of it lies from where a place begins, along an axis; none if it is not an
+    /// element for this part.
+    fn new(
+        layout: &Layout,
+        depth: usize,
+        kernel: &[usize],
+        places: Places,
+        tap: impl Fn(usize, usize) -> Option<usize>,
+    ) -> Result<Self> {
+        let plane = layout.plane();
+        if u32::try_from(depth.saturating_mul(plane)).is_err() {
+            return Err(Error::new("its input is too large"));
+        }
+        let mut within = Vec::new();
+        let mut element = 0;
+        for_each_position(kernel, |place| {
+            let offsets: Option<Vec<usize>> = place.iter().enumerate().map(|(axis, &at)| tap(axis, at)).collect();
+            within.extend(offsets.map(|offsets| (layout.at(offsets), element)));
+            element += 1;
+        });
+        let all = (0..depth).flat_map(|channel| within.iter().map(move |(tap, element)| (channel, tap, element)));
+        Ok(Self {
+            taps: all.clone().map(|(channel, tap, _)| (channel * plane + tap) as u32).collect(),
+            elements: all.map(|(channel, _, element)| (channel, *element)).collect(),
+            places,
+            weights: Vec::new(),
+        })
+    }
+}
+
+impl Operation for Convolution {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let image = single(inputs, 0)?;
+        if !self.packed {
+            let weights = single(inputs, 1)?.to_vec();
+            let bias = match (&self.bias, inputs.get(2)) {
+                (Some(bias), _) => bias.clone(),
+                (None, Some(Some(_))) => single(inputs, 2)?.to_vec(),
+                (None, _) => Vec::new(),
+            };
+            self.pack(&weights, &bias);
+        }
+        let result = outputs[0].single_mut()?;
+        let (channel, plane) = (self.input.iter().product::<usize>(), self.plane);
+        let images = image.chunks_exact((self.depth * channel).max(1));
+        for ((number, image), into) in images.enumerate().zip(result.chunks_exact_mut((self.filters * plane).max(1))) {
+            let group = number % self.group;
+            let input = match self.layout.is_copied {
+                true => {
+                    self.layout.lay_out(&self.input, image, &mut self.laid_out);
+                    &self.laid_out
+                }
+                false => image,
+            };
+            for part in &self.parts {
+                match (&part.weights[group], &part.places) {
+                    (Weights::Outputs(packed), Places::Each(places)) => {
+                        product::sum(input, packed, &part.taps, places, plane, into);
+                    }
+                    (Weights::Places(weights), Places::Rows(rows, width)) => {
+                        planar::sum(input, weights, &part.taps, (rows, *width), plane, into);
+                    }
+                    _ => return Err(Error::new("its weights are packed for other places, which is a defect in pdk")),
+                }
+            }
+        }
+        debug_assert_eq!(image.len(), self.batch * self.group * self.depth * channel);
+        Ok(())
+    }
+}

@@ -1,0 +1,200 @@
+//! Operators on each element, and on pairs of elements whose shapes are broadcast, as far as they are one operation of 32-bit floats.
+//!
+//! Each of these gives the same bits as the same operation in 64 bits that is then rounded to 32: the sum, difference, product and quotient of
+//! two 32-bit floats and the square root of one have this property (Figueroa, When is double rounding innocuous?, 1995).
+
+use pdk_sdk::error::Result;
+
+use super::buffer::{Buffer, Operation, single};
+use crate::operators::functions;
+use crate::site::Site;
+use crate::tensor::broadcast;
+
+/// A function of one number.
+pub struct Unary(Function);
+
+#[derive(Clone, Copy)]
+enum Function {
+    Relu,
+    LeakyRelu(f32),
+    Clip(f32, f32),
+    Neg,
+    Abs,
+    Sqrt,
+    Round,
+    Floor,
+    Ceil,
+    Reciprocal,
+}
+
+impl Unary {
+    /// The function of a node; nothing if it is not one of these.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn new(site: &Site<'_>) -> Result<Option<Self>> {
+        Ok(Some(Self(match site.node.op_type.as_str() {
+            "Relu" => Function::Relu,
+            "LeakyRelu" => Function::LeakyRelu(site.float("alpha", 0.01) as f32),
+            "Clip" => match functions::bounds(site) {
+                Ok([low, high]) => Function::Clip(
+                    low.map_or(f32::NEG_INFINITY, |low| low as f32),
+                    high.map_or(f32::INFINITY, |high| high as f32),
+                ),
+                // Bounds that are computed.
+                Err(_) => return Ok(None),
+            },
+            "Neg" => Function::Neg,
+            "Abs" => Function::Abs,
+            "Sqrt" => Function::Sqrt,
+            "Round" => Function::Round,
+            "Floor" => Function::Floor,
+            "Ceil" => Function::Ceil,
+            "Reciprocal" => Function::Reciprocal,
+            _ => return Ok(None),
+        })))
+    }
+}
+
+impl Operation for Unary {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        fn each(input: &[f32], into: &mut [f32], f: impl Fn(f32) -> f32) {
+            into.iter_mut().zip(input).for_each(|(into, &x)| *into = f(x));
+        }
+        let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
+        match self.0 {
+            Function::Relu => each(input, into, |x| if x > 0.0 { x } else { 0.0 }),
+            Function::LeakyRelu(slope) => each(input, into, |x| if x < 0.0 { slope * x } else { x }),
+            Function::Clip(low, high) => each(input, into, |x| {
+                let x = if x < low { low } else { x };
+                if x > high { high } else { x }
+            }),
+            Function::Neg => each(input, into, |x| -x),
+            Function::Abs => each(input, into, f32::abs),
+            Function::Sqrt => each(input, into, f32::sqrt),
+            Function::Round => each(input, into, f32::round_ties_even),
+            Function::Floor => each(input, into, f32::floor),
+            Function::Ceil => each(input, into, f32::ceil),
+            Function::Reciprocal => each(input, into, |x| 1.0 / x),
+        }
+        Ok(())
+    }
+}
+
+/// A function of two numbers.
+pub struct Binary {
+    pair: Pair,
+    /// The axes of the result but the last, each with its length and how far apart its elements are on both sides.
+    outer: Vec<(usize, [usize; 2])>,
+    /// The same of the last.
+    last: (usize, [usize; 2]),
+}
+
+#[derive(Clone, Copy)]
+enum Pair {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Max,
+    Min,
+}
+
+impl Binary {
+    /// The function of a node; nothing if it is not one of these.
+    ///
+    /// # Errors
+    /// If the shapes do not go together.
+    pub fn new(site: &Site<'_>) -> Result<Option<Self>> {
+        let name = match (site.node.op_type.as_str(), site.node.input.len()) {
+            ("Add", _) | ("Sum", 2) => Pair::Add,
+            ("Sub", _) => Pair::Sub,
+            ("Mul", _) => Pair::Mul,
+            ("Div", _) => Pair::Div,
+            ("Max", 2) => Pair::Max,
+            ("Min", 2) => Pair::Min,
+            _ => return Ok(None),
+        };
+        let (a, b) = (site.shape(0)?, site.shape(1)?);
+        let shape = broadcast(&[a, b])?;
+        let steps = |of: &[usize]| {
+            let mut step = 1;
+            let mut steps = vec![0; shape.len()];
+            for (axis, &length) in of.iter().enumerate().rev() {
+                if length > 1 {
+                    steps[shape.len() - of.len() + axis] = step;
+                }
+                step *= length;
+            }
+            steps
+        };
+        let (left, right) = (steps(a), steps(b));
+        let mut axes: Vec<(usize, [usize; 2])> = Vec::new();
+        for axis in (0..shape.len()).filter(|&axis| shape[axis] != 1) {
+            let (length, steps) = (shape[axis], [left[axis], right[axis]]);
+            match axes.last_mut() {
+                // Two axes are one if both sides go through them in one stride.
+                Some((before, of)) if (0..2).all(|side| of[side] == steps[side] * length) => {
+                    *before *= length;
+                    *of = steps;
+                }
+                _ => axes.push((length, steps)),
+            }
+        }
+        let last = axes.pop().unwrap_or((1, [0, 0]));
+        Ok(Some(Self { pair: name, outer: axes, last }))
+    }
+
+    fn apply(&self, left: &[f32], right: &[f32], into: &mut [f32], f: impl Fn(f32, f32) -> f32) {
+        let (length, steps) = self.last;
+        let mut at = vec![0; self.outer.len()];
+        let [mut a, mut b] = [0, 0];
+        for row in into.chunks_exact_mut(length.max(1)) {
+            match steps {
+                [1, 1] => {
+                    let pairs = left[a..a + length].iter().zip(&right[b..b + length]);
+                    row.iter_mut().zip(pairs).for_each(|(into, (a, b))| *into = f(*a, *b));
+                }
+                [1, 0] => {
+                    let b = right[b];
+                    row.iter_mut().zip(&left[a..a + length]).for_each(|(into, a)| *into = f(*a, b));
+                }
+                [0, 1] => {
+                    let a = left[a];
+                    row.iter_mut().zip(&right[b..b + length]).for_each(|(into, b)| *into = f(a, *b));
+                }
+                [of_left, of_right] => {
+                    for (place, into) in row.iter_mut().enumerate() {
+                        *into = f(left[a + place * of_left], right[b + place * of_right]);
+                    }
+                }
+            }
+            for (at, (length, steps)) in at.iter_mut().zip(&self.outer).rev() {
+                *at += 1;
+                a += steps[0];
+                b += steps[1];
+                if *at < *length {
+                    break;
+                }
+                a -= steps[0] * length;
+                b -= steps[1] * length;
+                *at = 0;
+            }
+        }
+    }
+}
+
+impl Operation for Binary {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let (left, right, into) = (single(inputs, 0)?, single(inputs, 1)?, outputs[0].single_mut()?);
+        match self.pair {
+            Pair::Add => self.apply(left, right, into, |a, b| a + b),
+            Pair::Sub => self.apply(left, right, into, |a, b| a - b),
+            Pair::Mul => self.apply(left, right, into, |a, b| a * b),
+            Pair::Div => self.apply(left, right, into, |a, b| a / b),
+            Pair::Max => self.apply(left, right, into, |a, b| if b > a { b } else { a }),
+            Pair::Min => self.apply(left, right, into, |a, b| if b < a { b } else { a }),
+        }
+        Ok(())
+    }
+}

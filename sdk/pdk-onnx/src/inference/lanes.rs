@@ -1,0 +1,194 @@
+//! Eight numbers at a time, with a multiply-add that rounds once, on every processor.
+//!
+//! The order of additions and where they are rounded is all that a sum of products depends on. Both are the same here for every
+//! processor: those with the instructions of x86-64-v3 or of aarch64 have a fused multiply-add, and for others it is computed.
+
+/// The number of lanes.
+pub const LANES: usize = 8;
+
+/// Eight numbers.
+pub trait Lanes: Copy {
+    /// The same number in each lane.
+    fn splat(value: f32) -> Self;
+
+    /// Eight numbers that lie side by side.
+    ///
+    /// # Safety
+    /// They have to be readable from `place` on.
+    unsafe fn load(place: *const f32) -> Self;
+
+    /// `self * factor + sum`, rounded once.
+    fn multiply_add(self, factor: Self, sum: Self) -> Self;
+
+    /// The numbers.
+    fn to_array(self) -> [f32; LANES];
+}
+
+/// For processors without vector instructions that are used here.
+#[derive(Clone, Copy)]
+pub struct Portable([f32; LANES]);
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Self([value; LANES])
+    }
+
+    #[inline(always)]
+    unsafe fn load(place: *const f32) -> Self {
+        // SAFETY: the caller says that eight numbers are there; they need not be aligned.
+        Self(unsafe { place.cast::<[f32; LANES]>().read_unaligned() })
+    }
+
+    #[inline(always)]
+    fn multiply_add(self, factor: Self, sum: Self) -> Self {
+        let mut result = sum;
+        for ((result, a), b) in result.0.iter_mut().zip(self.0).zip(factor.0) {
+            *result = multiply_add(a, b, *result);
+        }
+        result
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f32; LANES] {
+        self.0
+    }
+}
+
+/// `a b + c`, rounded once (IEEE 754, 5.4.1).
+#[inline(always)]
+pub fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
+    // An instruction that every processor of the architecture has.
+    #[cfg(target_arch = "aarch64")]
+    return a.mul_add(b, c);
+    #[cfg(not(target_arch = "aarch64"))]
+    computed(a, b, c)
+}
+
+/// The same from 64-bit operations. The product of two 32-bit floats is exact in 64 bits. The sum with the third is rounded to odd: if
+/// something of it was lost, its last bit is set, so that rounding to 32 bits sees that the sum is not a tie (Boldo and Melquiond, Emulation
+/// of FMA and Correctly Rounded Sums, 2008).
+#[cfg(any(test, not(target_arch = "aarch64")))]
+#[inline(always)]
+fn computed(a: f32, b: f32, c: f32) -> f32 {
+    let (product, addend) = (f64::from(a) * f64::from(b), f64::from(c));
+    let sum = product + addend;
+    // What the sum has lost, exactly (Knuth's TwoSum).
+    let part = sum - product;
+    let lost = (product - (sum - part)) + (addend - part);
+    let bits = sum.to_bits();
+    // Not for what is not a number, or infinite.
+    let to_odd = (lost > 0.0 || lost < 0.0) && bits & 1 == 0;
+    let outwards = (lost > 0.0) == (sum > 0.0);
+    let odd = match (to_odd, outwards) {
+        (false, _) => bits,
+        (true, true) => bits + 1,
+        (true, false) => bits - 1,
+    };
+    f64::from_bits(odd) as f32
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx {
+    use std::arch::x86_64::*;
+
+    use super::{LANES, Lanes};
+
+    /// A register of AVX. Only code for processors with AVX2 and FMA makes one.
+    #[derive(Clone, Copy)]
+    pub struct Avx(__m256);
+
+    impl Lanes for Avx {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            // SAFETY: only code for processors with AVX2 and FMA gets here, see the type.
+            Self(unsafe { _mm256_set1_ps(value) })
+        }
+
+        #[inline(always)]
+        unsafe fn load(place: *const f32) -> Self {
+            // SAFETY: as above, and the caller says that eight numbers are there.
+            Self(unsafe { _mm256_loadu_ps(place) })
+        }
+
+        #[inline(always)]
+        fn multiply_add(self, factor: Self, sum: Self) -> Self {
+            // SAFETY: as above.
+            Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, sum.0) })
+        }
+
+        #[inline(always)]
+        fn to_array(self) -> [f32; LANES] {
+            let mut array = [0.0; LANES];
+            // SAFETY: as above, and the array has room for eight numbers.
+            unsafe { _mm256_storeu_ps(array.as_mut_ptr(), self.0) };
+            array
+        }
+    }
+}
+#[cfg(target_arch = "x86_64")]
+pub use avx::Avx;
+
+/// Work that is written once for every kind of lanes.
+pub trait Work {
+    /// Does it.
+    fn with<L: Lanes>(self);
+}
+
+/// Does work with the best lanes of this processor.
+pub fn dispatch(work: impl Work) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        // SAFETY: the processor has both.
+        unsafe { with_avx(work) };
+        return;
+    }
+    work.with::<Portable>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn with_avx(work: impl Work) {
+    work.with::<Avx>();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::numbers;
+
+    #[test]
+    fn a_multiply_add_is_rounded_once_whatever_the_numbers() {
+        let special = [
+            0.0, -0.0, 1.0, -1.0, f32::MIN_POSITIVE, f32::from_bits(1), -f32::from_bits(3), f32::MAX, f32::MIN,
+            f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1.0 + f32::EPSILON, 16_777_217.0, 1e-38, 3e38, 1e-20,
+        ];
+        let check = |a: f32, b: f32, c: f32| {
+            let (found, expected) = (computed(a, b, c), a.mul_add(b, c));
+            let same = found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan();
+            assert!(same, "{a:e} * {b:e} + {c:e} = {expected:e}, not {found:e}");
+        };
+        for a in special {
+            for b in special {
+                special.into_iter().for_each(|c| check(a, b, c));
+            }
+        }
+        // Random bits meet every exponent; random numbers near each other meet cancellation.
+        let mut state = 1u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 32) as u32
+        };
+        for _ in 0..200_000 {
+            let [a, b, c] = [next(), next(), next()].map(f32::from_bits);
+            check(a, b, c);
+            // A sum close to half of the last place.
+            check(a, b, -(a * b));
+        }
+        for three in numbers(5, 300_000).chunks_exact(3) {
+            let [a, b, c] = [three[0], three[1], three[2]].map(|value| value as f32);
+            check(a, b, c);
+            check(a, b, -a * b + c * 1e-7);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! `Gemm` and `MatMul`: the rows of the left matrix are the places of [`product`](super::product), the columns of the right one its
+//! outputs.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::buffer::{Buffer, Operation, single};
+use super::lanes::multiply_add;
+use super::product::{self, Packed, Place};
+use crate::operators::matmul;
+use crate::site::Site;
+use crate::tensor::{Tensor, elements, for_each_position};
+
+/// Products of matrices.
+pub struct Product {
+    rows: usize,
+    inner: usize,
+    columns: usize,
+    /// How far apart rows and columns of the right matrix are.
+    right: [usize; 2],
+    /// Where the matrices of each product begin: left, and the number of the right one.
+    stacks: Vec<(usize, usize)>,
+    /// Where the right matrices begin.
+    starts: Vec<usize>,
+    taps: Vec<u32>,
+    places: Vec<Place>,
+    /// The right matrices, if they are constant.
+    packed: Vec<Packed>,
+    is_constant: bool,
+    sum: Option<Sum>,
+}
+
+/// What `Gemm` does beside the product.
+struct Sum {
+    factor: f32,
+    addend_factor: f32,
+    /// The element of the addend for each of the result; none if there is no addend.
+    addend: Option<Vec<u32>>,
+}
+
+impl Product {
+    /// `MatMul`; `right` is its right side, if that is constant.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn stacks(site: &Site<'_>, right: Option<&Tensor>) -> Result<Self> {
+        let [a, b] = matmul::matrices(site)?;
+        let shape = matmul::product_shape(&a, &b)?;
+        let (rank, stack) = (shape.len(), &shape[..shape.len() - 2]);
+        let (rows, inner, columns) = (shape[rank - 2], a[a.len() - 1], shape[rank - 1]);
+        // The number of the matrix of a side that belongs to a place in the stack.
+        let number = |side: &[usize], at: &[usize]| {
+            let batch = &side[..side.len() - 2];
+            let skipped = at.len() - batch.len();
+            let dims = batch.iter().zip(&at[skipped..]);
+            dims.fold(0, |index, (&dim, &at)| index * dim + if dim == 1 { 0 } else { at })
+        };
+        let mut stacks = Vec::new();
+        for_each_position(stack, |at| stacks.push((number(&a, at) * rows * inner, number(&b, at))));
+        let count: usize = b[..b.len() - 2].iter().product();
+        let starts = (0..count).map(|number| number * inner * columns).collect();
+        let places = (0..rows).map(|row| place(row * inner, row * columns));
+        let taps = (0..inner).map(offset).collect::<Result<_>>()?;
+        elements(&[rows, columns])?;
+        let product = Self {
+            rows,
+            inner,
+            columns,
+            right: [columns, 1],
+            stacks,
+            starts,
+            taps,
+            places: places.collect::<Result<_>>()?,
+            packed: Vec::new(),
+            is_constant: right.is_some(),
+            sum: None,
+        };
+        Ok(product.with(right, &[]))
+    }
+
+    /// `Gemm`; `right` and `addend` are given if they are constant.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn and_sum(site: &Site<'_>, right: Option<&Tensor>, addend: Option<&Tensor>) -> Result<Self> {
+        let (a, shape) = (site.shape(0)?, site.output_shape()?);
+        let (turned_a, turned_b) = (site.int("transA", 0) != 0, site.int("transB", 0) != 0);
+        let (rows, inner, columns) = (shape[0], a[usize::from(!turned_a)], shape[1]);
+        let (factor, addend_factor) = (site.float("alpha", 1.0) as f32, site.float("beta", 1.0) as f32);
+        let from = |row: usize| if turned_a { row } else { row * inner };
+        let places = (0..rows).map(|row| place(from(row), row * columns));
+        let taps = (0..inner).map(|k| offset(if turned_a { k * rows } else { k })).collect::<Result<_>>()?;
+        // A constant that is added to each row is what the sums begin with.
+        let by_column = addend.filter(|addend| {
+            right.is_some() && factor == 1.0 && addend_factor == 1.0 && matches!(addend.shape[..], [n] | [1, n] if n == columns)
+        });
+        let start: Vec<f32> = by_column.iter().flat_map(|addend| addend.values.iter().map(|v| *v as f32)).collect();
+        let later = site.optional(2).filter(|_| by_column.is_none());
+        let addend = later.map(|_| -> Result<_> {
+            let of = site.shape(2)?;
+            let numbers = Tensor { element: site.fact(2)?.element, shape: of.to_vec(), values: (0..of.iter().product::<usize>()).map(|n| n as f64).collect() };
+            Ok(Tensor::from_fn(numbers.element, shape, |at| numbers.broadcast_at(at))?.values.iter().map(|v| *v as u32).collect())
+        });
+        let addend = addend.transpose()?;
+        let sum = (factor != 1.0 || addend.is_some()).then_some(Sum { factor, addend_factor, addend });
+        let product = Self {
+            rows,
+            inner,
+            columns,
+            right: if turned_b { [1, inner] } else { [columns, 1] },
+            stacks: vec![(0, 0)],
+            starts: vec![0],
+            taps,
+            places: places.collect::<Result<_>>()?,
+            packed: Vec::new(),
+            is_constant: right.is_some(),
+            sum,
+        };
+        Ok(product.with(right, &start))
+    }
+
+    fn with(mut self, right: Option<&Tensor>, start: &[f32]) -> Self {
+        if let Some(right) = right {
+            let values: Vec<f32> = right.values.iter().map(|&value| value as f32).collect();
+            self.packed = self.starts.iter().map(|&first| self.pack(&values[first..], start)).collect();
+        }
+        self
+    }
+
+    /// Packs a right matrix.
+    fn pack(&self, values: &[f32], start: &[f32]) -> Packed {
+        let [row, column] = self.right;
+        let weight = |output: usize, tap: usize| values[tap * row + output * column];
+        Packed::new(self.columns, self.inner, self.rows, weight, |output| start.get(output).copied().unwrap_or(0.0))
+    }
+}
+
+fn offset(at: usize) -> Result<u32> {
+    u32::try_from(at).map_err(|_| Error::new("its matrices are too large"))
+}
+
+fn place(from: usize, to: usize) -> Result<Place> {
+    Ok(Place { from: offset(from)?, to: offset(to)? })
+}
+
+impl Operation for Product {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let left = single(inputs, 0)?;
+        let result = outputs[0].single_mut()?;
+        if !self.is_constant {
+            let right = single(inputs, 1)?;
+            let packed = self.starts.iter().map(|&first| self.pack(&right[first..], &[])).collect();
+            self.packed = packed;
+        }
+        for (&(first, number), into) in self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1))) {
+            product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, into);
+        }
+        let Some(Sum { factor, addend_factor, addend }) = &self.sum else { return Ok(()) };
+        match addend {
+            None => result.iter_mut().for_each(|value| *value *= factor),
+            Some(places) => {
+                let addend = single(inputs, 2)?;
+                for (value, place) in result.iter_mut().zip(places) {
+                    *value = multiply_add(*factor, *value, addend_factor * addend[*place as usize]);
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,154 @@
+//! Runs graphs in 32-bit floats. The same graph and inputs give the same bits on every processor.
+//!
+//! [`Program::new`] decides for each node how it is computed, once. Convolutions and products of matrices, which are nearly all of the
+//! work, become sums of products over lists of offsets ([`product`], [`planar`]), whose order is fixed and whose multiply-add rounds once
+//! ([`lanes`]). What only moves elements becomes a list of moves. Everything else is an operation that is exact up to one rounding, or is computed by the
+//! operator's own rule in 64-bit floats ([`plain`]). None of that depends on the processor, the number of threads or the system's mathematical library.
+
+mod buffer;
+mod convolution;
+mod elementwise;
+mod lanes;
+mod matrix;
+mod movement;
+mod normalization;
+mod plain;
+mod planar;
+mod plan;
+mod pooling;
+mod product;
+mod resize;
+#[cfg(test)]
+mod tests;
+
+use pdk_sdk::error::{Error, Result};
+
+use crate::graph::Graph;
+use crate::tensor::{Element, Tensor};
+use buffer::{Buffer, Operation};
+
+/// A graph that is ready to run.
+pub struct Program {
+    steps: Vec<Step>,
+    buffers: Vec<Buffer>,
+    constants: Vec<Buffer>,
+    /// For each input of the graph its buffer, its type and its number of elements.
+    inputs: Vec<(usize, Element, usize)>,
+    outputs: Vec<Operand>,
+}
+
+/// Something that a node computes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Operand {
+    Constant(usize),
+    Computed(usize),
+}
+
+/// A node that is computed while the graph runs.
+struct Step {
+    operation: Box<dyn Operation>,
+    inputs: Vec<Option<Operand>>,
+    /// The buffers of its outputs, with their types and numbers of elements.
+    outputs: Vec<(usize, Element, usize)>,
+    /// Here the outputs are while the step runs.
+    results: Vec<Buffer>,
+}
+
+impl Program {
+    /// Prepares the outputs of a graph.
+    ///
+    /// # Errors
+    /// If an operator or a shape is not known here, or a node contradicts itself.
+    pub fn new(graph: Graph) -> Result<Self> {
+        plan::program(graph)
+    }
+
+    /// Computes the outputs of the graph from its inputs, in the graph's order. Numbers of every type are 32-bit floats here.
+    ///
+    /// # Errors
+    /// If the inputs are not those of the graph, or a node cannot be computed.
+    pub fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()> {
+        if inputs.len() != self.inputs.len() || outputs.len() != self.outputs.len() {
+            return Err(Error::new(format!(
+                "the network has {} inputs and {} outputs, but {} and {} are given",
+                self.inputs.len(),
+                self.outputs.len(),
+                inputs.len(),
+                outputs.len()
+            )));
+        }
+        for (&(buffer, element, count), values) in self.inputs.iter().zip(inputs) {
+            if values.len() != count {
+                return Err(Error::new(format!("an input has {count} numbers, but {} are given", values.len())));
+            }
+            let buffer = &mut self.buffers[buffer];
+            buffer.resize(count);
+            match buffer {
+                Buffer::Single(into) => into.copy_from_slice(values),
+                Buffer::Double(into) => {
+                    into.iter_mut().zip(values).for_each(|(into, value)| *into = f64::from(*value));
+                }
+            }
+            buffer.round(element);
+        }
+        for step in &mut self.steps {
+            step.run(&mut self.buffers, &self.constants)?;
+        }
+        for (operand, into) in self.outputs.iter().zip(outputs) {
+            into.clear();
+            match operand.of(&self.buffers, &self.constants) {
+                Buffer::Single(values) => into.extend_from_slice(values),
+                Buffer::Double(values) => into.extend(values.iter().map(|&value| value as f32)),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Operand {
+    fn of<'a>(self, buffers: &'a [Buffer], constants: &'a [Buffer]) -> &'a Buffer {
+        match self {
+            Self::Constant(place) => &constants[place],
+            Self::Computed(place) => &buffers[place],
+        }
+    }
+}
+
+/// With the elements of a tensor rounded to its type.
+fn rounded(mut tensor: Tensor) -> Tensor {
+    if tensor.element == Element::FLOAT {
+        tensor.values.iter_mut().for_each(|value| *value = f64::from(*value as f32));
+    }
+    let mut buffer = Buffer::Double(std::mem::take(&mut tensor.values));
+    buffer.round(tensor.element);
+    Tensor { values: buffer.to_doubles(), ..tensor }
+}
+
+impl Step {
+    fn run(&mut self, buffers: &mut [Buffer], constants: &[Buffer]) -> Result<()> {
+        for (result, &(place, _, count)) in self.results.iter_mut().zip(&self.outputs) {
+            std::mem::swap(result, &mut buffers[place]);
+            result.resize(count);
+        }
+        let done = {
+            let of = |operand: &Option<Operand>| operand.map(|operand| operand.of(buffers, constants));
+            // Nearly all operators have few inputs, for which no list is allocated.
+            let mut few = [None; 8];
+            match few.get_mut(..self.inputs.len()) {
+                Some(few) => {
+                    few.iter_mut().zip(&self.inputs).for_each(|(into, operand)| *into = of(operand));
+                    self.operation.run(few, &mut self.results)
+                }
+                None => {
+                    let many: Vec<_> = self.inputs.iter().map(of).collect();
+                    self.operation.run(&many, &mut self.results)
+                }
+            }
+        };
+        for (result, &(place, element, _)) in self.results.iter_mut().zip(&self.outputs) {
+            result.round(element);
+            std::mem::swap(result, &mut buffers[place]);
+        }
+        done
+    }
+}

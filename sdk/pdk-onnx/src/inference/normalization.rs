@@ -1,0 +1,50 @@
+//! `BatchNormalization` with constant factors.
+
+use pdk_sdk::error::Result;
+
+use super::plan::Constants;
+use super::buffer::{Buffer, Operation, single};
+use crate::operators::normalization;
+use crate::site::Site;
+use crate::tensor::Tensor;
+
+/// A normalization by channel.
+pub struct Normalization {
+    /// The elements of a channel.
+    plane: usize,
+    /// Mean, deviation, factor and addend of each channel.
+    channels: Vec<[f64; 4]>,
+}
+
+impl Normalization {
+    /// The normalization of a node with these inputs; nothing if one of them is not constant.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn new(site: &Site<'_>, constants: &Constants) -> Result<Option<Self>> {
+        normalization::by_channel(site)?;
+        let [_, Some(scale), Some(bias), Some(mean), Some(variance)] = constants else { return Ok(None) };
+        let count = scale.values.len();
+        if site.node.output.len() != 1 || [bias, mean, variance].iter().any(|values| values.values.len() != count) {
+            return Ok(None);
+        }
+        let epsilon = normalization::epsilon(site);
+        let channel = |at: usize| {
+            [mean.values[at], libm::sqrt(variance.values[at] + epsilon), scale.values[at], bias.values[at]]
+        };
+        let plane = site.shape(0)?[2..].iter().product();
+        Ok(Some(Self { plane, channels: (0..count).map(channel).collect() }))
+    }
+}
+
+impl Operation for Normalization {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
+        let planes = input.chunks_exact(self.plane.max(1)).zip(into.chunks_exact_mut(self.plane.max(1)));
+        for ((plane, into), [mean, deviation, scale, bias]) in planes.zip(self.channels.iter().cycle()) {
+            let normalized = |x: &f32| ((f64::from(*x) - mean) / deviation * scale + bias) as f32;
+            into.iter_mut().zip(plane).for_each(|(into, x)| *into = normalized(x));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,173 @@
+//! Sums of products for few outputs over wide rows: lanes are neighbouring places of a row.
+//!
+//! The sums are those of [`product`](super::product), in the same order. There, lanes are outputs, of which a depthwise convolution has one
+//! for each input.
+
+use std::array;
+
+use super::lanes::{LANES, Lanes, Work, dispatch};
+
+/// A row of places: the tap of one lies one element after that of the place before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Row {
+    /// The first place.
+    pub from: u32,
+    /// Where the first output of the first place goes.
+    pub to: u32,
+}
+
+/// The weights of all outputs.
+#[derive(Debug, Clone, Default)]
+pub struct Weights {
+    outputs: usize,
+    /// By group of [`TOGETHER`] outputs, tap and output.
+    weights: Vec<f32>,
+    start: Vec<f32>,
+}
+
+/// Outputs that are computed together.
+const TOGETHER: usize = 4;
+
+impl Weights {
+    /// `weight` gives the weight of an output and a tap, `start` what the sum of an output begins with.
+    pub fn new(
+        outputs: usize,
+        taps: usize,
+        weight: impl Fn(usize, usize) -> f32,
+        start: impl Fn(usize) -> f32,
+    ) -> Self {
+        let mut weights = Vec::with_capacity(outputs * taps);
+        for first in (0..outputs).step_by(TOGETHER) {
+            for tap in 0..taps {
+                weights.extend((first..outputs.min(first + TOGETHER)).map(|output| weight(output, tap)));
+            }
+        }
+        Self { outputs, weights, start: (0..outputs).map(start).collect() }
+    }
+}
+
+/// Computes rows of `width` places, at least as many as there are lanes. The outputs of a place lie `apart` from each other.
+///
+/// # Panics
+/// If a row with a tap leaves the input, or an output the result.
+pub fn sum(
+    input: &[f32],
+    weights: &Weights,
+    taps: &[u32],
+    (rows, width): (&[Row], usize),
+    apart: usize,
+    into: &mut [f32],
+) {
+    let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map_or(0, |value| value as usize);
+    let last = farthest(&mut rows.iter().map(|row| row.from)) + farthest(&mut taps.iter().copied());
+    assert!(width >= LANES && (rows.is_empty() || last + width <= input.len()), "a tap lies outside the input");
+    assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
+    dispatch(Sums { input, weights, taps, rows, width, apart, into });
+}
+
+struct Sums<'a> {
+    input: &'a [f32],
+    weights: &'a Weights,
+    taps: &'a [u32],
+    rows: &'a [Row],
+    width: usize,
+    apart: usize,
+    into: &'a mut [f32],
+}
+
+impl Sums<'_> {
+    #[inline(always)]
+    fn rows<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize) {
+        for row in self.rows {
+            let mut at = 0;
+            while at + VECTORS * LANES <= self.width {
+                self.tile::<L, OUTPUTS, VECTORS>(first, row, at);
+                at += VECTORS * LANES;
+            }
+            while at < self.width {
+                // The last vector may cover places that are done: they become the same again.
+                at = at.min(self.width - LANES);
+                self.tile::<L, OUTPUTS, 1>(first, row, at);
+                at += LANES;
+            }
+        }
+    }
+
+    /// `VECTORS` vectors of a row from a place on, for `OUTPUTS` outputs.
+    #[inline(always)]
+    fn tile<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize, row: &Row, at: usize) {
+        let mut sums: [[L; VECTORS]; OUTPUTS] =
+            array::from_fn(|output| [L::splat(self.weights.start[first + output]); VECTORS]);
+        let weights = self.weights.weights[first * self.taps.len()..].chunks_exact(OUTPUTS);
+        // SAFETY: `sum` has seen that each row with each tap lies inside the input.
+        let place = unsafe { self.input.as_ptr().add(row.from as usize + at) };
+        for (&tap, weights) in self.taps.iter().zip(weights) {
+            // SAFETY: as above.
+            let values: [L; VECTORS] =
+                array::from_fn(|vector| unsafe { L::load(place.add(tap as usize + vector * LANES)) });
+            for (sums, &weight) in sums.iter_mut().zip(weights) {
+                let weight = L::splat(weight);
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum = value.multiply_add(weight, *sum);
+                }
+            }
+        }
+        for (output, sums) in sums.iter().enumerate() {
+            let to = row.to as usize + (first + output) * self.apart + at;
+            for (vector, sum) in sums.iter().enumerate() {
+                self.into[to + vector * LANES..][..LANES].copy_from_slice(&sum.to_array());
+            }
+        }
+    }
+}
+
+impl Work for Sums<'_> {
+    #[inline(always)]
+    fn with<L: Lanes>(mut self) {
+        for first in (0..self.weights.outputs).step_by(TOGETHER) {
+            match self.weights.outputs - first {
+                1 => self.rows::<L, 1, 4>(first),
+                2 => self.rows::<L, 2, 4>(first),
+                3 => self.rows::<L, 3, 3>(first),
+                _ => self.rows::<L, TOGETHER, 3>(first),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::{Portable, multiply_add};
+    use super::*;
+    use crate::testing::numbers;
+
+    #[test]
+    fn sums_are_those_of_the_definition_whatever_the_width() {
+        let draw = |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
+        for (outputs, taps, width) in [(1, 9, 8), (2, 9, 37), (3, 5, 100), (4, 7, 33), (7, 25, 47)] {
+            let (height, length) = (3, width + taps);
+            let input = draw(1, height * length);
+            let (weights, start) = (draw(2, outputs * taps), draw(3, outputs));
+            let offsets: Vec<u32> = (0..taps as u32).collect();
+            let rows: Vec<Row> = (0..height)
+                .map(|row| Row { from: (row * length) as u32, to: (row * width) as u32 })
+                .collect();
+            let mut expected = vec![0.0; outputs * height * width];
+            for (output, plane) in expected.chunks_mut(height * width).enumerate() {
+                for (at, value) in plane.iter_mut().enumerate() {
+                    let from = at / width * length + at % width;
+                    let products = weights[output * taps..][..taps].iter().enumerate();
+                    *value = products.fold(start[output], |sum, (tap, weight)| multiply_add(input[from + tap], *weight, sum));
+                }
+            }
+            let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
+            let mut found = vec![0.0; expected.len()];
+            sum(&input, &packed, &offsets, (&rows, width), height * width, &mut found);
+            assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide");
+            found.fill(0.0);
+            let (input, weights, taps, rows, apart) = (&input, &packed, &offsets, &rows, height * width);
+            Sums { input, weights, taps, rows, width, apart, into: &mut found }.with::<Portable>();
+            assert_eq!(found, expected, "{outputs} outputs, {} taps, {width} wide, portable", taps.len());
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Sums of products: for many places of an input, the products with the weights of many outputs, each summed in one order.
+//!
+//! Convolutions and products of matrices are both of this form: what belongs to an output `o` at a place `p` is
+//! `start[o] + weights[o][0] input[p + taps[0]] + weights[o][1] input[p + taps[1]] + ...`, added from left to right with a fused
+//! multiply-add. Lanes are outputs, and a tile of places shares each weight that is loaded; no sum is split, so no tiling changes a result.
+
+use std::array;
+
+use super::lanes::{LANES, Lanes, Work, dispatch};
+
+/// A place of an input, and where what is computed for it goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// To which the taps are added.
+    pub from: u32,
+    /// Where the first output goes.
+    pub to: u32,
+}
+
+/// The weights of all outputs, in the order in which they are used.
+#[derive(Debug, Clone, Default)]
+pub struct Packed {
+    blocks: Vec<Block>,
+    taps: usize,
+}
+
+/// The weights of outputs that are computed together.
+#[derive(Debug, Clone)]
+struct Block {
+    /// The first output.
+    first: usize,
+    /// The number of outputs, of which the last vector may have fewer than it has lanes.
+    count: usize,
+    vectors: usize,
+    /// By tap, then by output.
+    weights: Vec<f32>,
+    /// What the sums begin with.
+    start: Vec<f32>,
+}
+
+/// How many vectors of outputs are computed together where there is one place: enough sums to keep the processor busy.
+const VECTORS_OF_ONE: usize = 8;
+
+impl Packed {
+    /// Packs the weights of `outputs` sums over `taps` products for an input with this many places. `weight` gives the weight of an output
+    /// and a tap, `start` what the sum of an output begins with.
+    pub fn new(
+        outputs: usize,
+        taps: usize,
+        places: usize,
+        weight: impl Fn(usize, usize) -> f32,
+        start: impl Fn(usize) -> f32,
+    ) -> Self {
+        let mut blocks = Vec::new();
+        let mut first = 0;
+        while first < outputs {
+            let left = (outputs - first).div_ceil(LANES);
+            let vectors = match left {
+                _ if places == 1 && left >= VECTORS_OF_ONE => VECTORS_OF_ONE,
+                // Three and one are slower than two and two.
+                4 => 2,
+                _ => left.min(3),
+            };
+            let count = (vectors * LANES).min(outputs - first);
+            let mut weights = vec![0.0; taps * vectors * LANES];
+            for (tap, row) in weights.chunks_exact_mut(vectors * LANES).enumerate() {
+                for (output, into) in row[..count].iter_mut().enumerate() {
+                    *into = weight(first + output, tap);
+                }
+            }
+            let mut starts = vec![0.0; vectors * LANES];
+            for (output, into) in starts[..count].iter_mut().enumerate() {
+                *into = start(first + output);
+            }
+            blocks.push(Block { first, count, vectors, weights, start: starts });
+            first += count;
+        }
+        Self { blocks, taps }
+    }
+}
+
+/// Computes what belongs to each place. The outputs of a place lie `apart` from each other.
+///
+/// # Panics
+/// If a place with a tap lies outside the input, or an output outside the result.
+pub fn sum(input: &[f32], packed: &Packed, taps: &[u32], places: &[Place], apart: usize, into: &mut [f32]) {
+    dispatch(Sums::new(input, packed, taps, places, apart, into));
+}
+
+/// What [`sum`] has to do.
+struct Sums<'a> {
+    input: &'a [f32],
+    packed: &'a Packed,
+    taps: &'a [u32],
+    places: &'a [Place],
+    apart: usize,
+    into: &'a mut [f32],
+}
+
+impl<'a> Sums<'a> {
+    fn new(
+        input: &'a [f32],
+        packed: &'a Packed,
+        taps: &'a [u32],
+        places: &'a [Place],
+        apart: usize,
+        into: &'a mut [f32],
+    ) -> Self {
+        let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map(|value| value as usize);
+        let last = farthest(&mut places.iter().map(|place| place.from)).zip(farthest(&mut taps.iter().copied()));
+        assert!(last.is_none_or(|(place, tap)| place + tap < input.len()), "a tap lies outside the input");
+        assert_eq!(taps.len(), packed.taps, "there is a weight for each tap");
+        Self { input, packed, taps, places, apart, into }
+    }
+
+    #[inline(always)]
+    fn block<L: Lanes, const VECTORS: usize, const PLACES: usize>(&mut self, block: &Block) {
+        assert!(block.weights.len() == self.taps.len() * VECTORS * LANES && block.start.len() == VECTORS * LANES);
+        for places in self.places.chunks(PLACES) {
+            // A short tile computes its last place several times.
+            let from = array::from_fn(|place| places[place.min(places.len() - 1)].from as usize);
+            // SAFETY: `new` has seen that each place with each tap lies inside the input, and the weights are as many as the assertion says.
+            let sums: [[L; VECTORS]; PLACES] =
+                unsafe { tile(self.input, from, self.taps, &block.weights, &block.start) };
+            for (place, vectors) in places.iter().zip(sums) {
+                let to = place.to as usize + block.first * self.apart;
+                let values = vectors.map(L::to_array);
+                let values = values.as_flattened().iter().take(block.count);
+                if self.apart == 1 {
+                    self.into[to..to + block.count].iter_mut().zip(values).for_each(|(into, value)| *into = *value);
+                } else {
+                    for (output, value) in values.enumerate() {
+                        self.into[to + output * self.apart] = *value;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Work for Sums<'_> {
+    #[inline(always)]
+    fn with<L: Lanes>(mut self) {
+        let packed = self.packed;
+        for block in &packed.blocks {
+            // As many sums as there are registers for, beside a row of weights and an element of the input.
+            match block.vectors {
+                VECTORS_OF_ONE => self.block::<L, VECTORS_OF_ONE, 1>(block),
+                3 => self.block::<L, 3, 4>(block),
+                2 => self.block::<L, 2, 6>(block),
+                _ => self.block::<L, 1, 12>(block),
+            }
+        }
+    }
+}
+
+/// The sums of a tile.
+///
+/// # Safety
+/// Each element of `from` with each tap has to lie inside the input. There are `VECTORS * LANES` weights for each tap, and as many
+/// starts.
+#[inline(always)]
+unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
+    input: &[f32],
+    from: [usize; PLACES],
+    taps: &[u32],
+    weights: &[f32],
+    start: &[f32],
+) -> [[L; VECTORS]; PLACES] {
+    // SAFETY: the starts are as many as that.
+    let starts: [L; VECTORS] = array::from_fn(|vector| unsafe { L::load(start.as_ptr().add(vector * LANES)) });
+    let mut sums = [starts; PLACES];
+    // SAFETY: the places lie inside the input.
+    let places = from.map(|from| unsafe { input.as_ptr().add(from) });
+    let mut row = weights.as_ptr();
+    for &tap in taps {
+        // SAFETY: there is a row of weights for each tap.
+        let weights: [L; VECTORS] = array::from_fn(|vector| unsafe { L::load(row.add(vector * LANES)) });
+        // SAFETY: at most one past the last row.
+        row = unsafe { row.add(VECTORS * LANES) };
+        for (sums, place) in sums.iter_mut().zip(places) {
+            // SAFETY: a place with a tap lies inside the input.
+            let value = L::splat(unsafe { *place.add(tap as usize) });
+            for (sum, weight) in sums.iter_mut().zip(weights) {
+                *sum = value.multiply_add(weight, *sum);
+            }
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lanes::{Portable, multiply_add};
+    use super::*;
+    use crate::testing::numbers;
+
+    /// What each kind of lanes computes is what the definition says, bit for bit.
+    #[test]
+    fn sums_are_added_in_one_order_whatever_the_lanes_and_tiles() {
+        let draw = |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
+        for (outputs, taps, places) in
+            [(1, 1, 1), (3, 5, 2), (8, 27, 13), (16, 9, 6), (24, 75, 9), (33, 11, 5), (36, 40, 7), (100, 64, 1), (65, 3, 1)]
+        {
+            let input = draw(1, 3 * (places + taps));
+            let weights = draw(2, outputs * taps);
+            let start = draw(3, outputs);
+            let offsets: Vec<u32> = (0..taps as u32).map(|tap| tap * 2).collect();
+            for apart in [1, places] {
+                let to = |place: usize| if apart == 1 { place * outputs } else { place };
+                let list: Vec<Place> =
+                    (0..places).map(|place| Place { from: place as u32, to: to(place) as u32 }).collect();
+                let packed = Packed::new(outputs, taps, places, |o, t| weights[o * taps + t], |o| start[o]);
+                let mut expected = vec![0.0; outputs * places];
+                for place in &list {
+                    for output in 0..outputs {
+                        let products = offsets.iter().zip(&weights[output * taps..]);
+                        expected[place.to as usize + output * apart] =
+                            products.fold(start[output], |sum, (tap, weight)| {
+                                multiply_add(input[(place.from + tap) as usize], *weight, sum)
+                            });
+                    }
+                }
+                let mut found = vec![0.0; outputs * places];
+                sum(&input, &packed, &offsets, &list, apart, &mut found);
+                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places");
+                found.fill(0.0);
+                Sums::new(&input, &packed, &offsets, &list, apart, &mut found).with::<Portable>();
+                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places, portable");
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "a tap lies outside the input")]
+    fn what_lies_outside_the_input_is_not_read() {
+        let packed = Packed::new(1, 2, 1, |_, _| 1.0, |_| 0.0);
+        sum(&[1.0, 2.0], &packed, &[0, 2], &[Place { from: 0, to: 0 }], 1, &mut [0.0]);
+    }
+}
