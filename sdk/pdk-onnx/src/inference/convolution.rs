@@ -139,7 +139,8 @@ impl Convolution {
         // Lanes are outputs where there are enough of them, else neighbouring places.
         let by_rows = filters < LANES && width >= LANES;
         let phases = if by_rows { window.strides[last] } else { 1 };
-        let lengths = (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
+        let lengths =
+            (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
         let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases);
         let mut to = 0;
         let mut places = Vec::new();
@@ -157,7 +158,14 @@ impl Convolution {
         let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
         let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
         let plane = window.output.iter().product();
-        Self::of(Shape { batch: image[0], group, depth, filters, plane, transposed: false }, window.input, layout, vec![part], weights, bias)
+        Self::of(
+            Shape { batch: image[0], group, depth, filters, plane, transposed: false },
+            window.input,
+            layout,
+            vec![part],
+            weights,
+            bias,
+        )
     }
 
     /// `ConvTranspose`.
@@ -202,7 +210,14 @@ impl Convolution {
         });
         let parts = parts.into_iter().collect::<Result<_>>()?;
         let plane = window.input.iter().product();
-        Self::of(Shape { batch: image[0], group, depth, filters, plane, transposed: true }, window.output, layout, parts, weights, bias)
+        Self::of(
+            Shape { batch: image[0], group, depth, filters, plane, transposed: true },
+            window.output,
+            layout,
+            parts,
+            weights,
+            bias,
+        )
     }
 
     fn of(
@@ -258,9 +273,13 @@ impl Convolution {
                     };
                     let start = |filter: usize| bias.get(group * filters + filter).copied().unwrap_or(0.0);
                     match &part.places {
-                        Places::Each(places) => {
-                            Weights::Outputs(Packed::new(filters, elements.len(), places.len(), weight, start))
-                        }
+                        Places::Each(places) => Weights::Outputs(Packed::new(
+                            filters,
+                            elements.len(),
+                            places.len(),
+                            weight,
+                            start,
+                        )),
                         Places::Rows(..) => {
                             Weights::Places(planar::Weights::new(filters, elements.len(), weight, start))
                         }
@@ -297,11 +316,13 @@ impl Part {
         let mut within = Vec::new();
         let mut element = 0;
         for_each_position(kernel, |place| {
-            let offsets: Option<Vec<usize>> = place.iter().enumerate().map(|(axis, &at)| tap(axis, at)).collect();
+            let offsets: Option<Vec<usize>> =
+                place.iter().enumerate().map(|(axis, &at)| tap(axis, at)).collect();
             within.extend(offsets.map(|offsets| (layout.at(offsets), element)));
             element += 1;
         });
-        let all = (0..depth).flat_map(|channel| within.iter().map(move |(tap, element)| (channel, tap, element)));
+        let all =
+            (0..depth).flat_map(|channel| within.iter().map(move |(tap, element)| (channel, tap, element)));
         Ok(Self {
             taps: all.clone().map(|(channel, tap, _)| (channel * plane + tap) as u32).collect(),
             elements: all.map(|(channel, _, element)| (channel, *element)).collect(),
@@ -326,7 +347,9 @@ impl Operation for Convolution {
         let result = outputs[0].single_mut()?;
         let (channel, plane) = (self.input.iter().product::<usize>(), self.plane);
         let images = image.chunks_exact((self.depth * channel).max(1));
-        for ((number, image), into) in images.enumerate().zip(result.chunks_exact_mut((self.filters * plane).max(1))) {
+        for ((number, image), into) in
+            images.enumerate().zip(result.chunks_exact_mut((self.filters * plane).max(1)))
+        {
             let group = number % self.group;
             let input = match self.layout.is_copied {
                 true => {
@@ -343,7 +366,11 @@ impl Operation for Convolution {
                     (Weights::Places(weights), Places::Rows(rows, width)) => {
                         planar::sum(input, weights, &part.taps, (rows, *width), plane, into);
                     }
-                    _ => return Err(Error::new("its weights are packed for other places, which is a defect in pdk")),
+                    _ => {
+                        return Err(Error::new(
+                            "its weights are packed for other places, which is a defect in pdk",
+                        ));
+                    }
                 }
             }
         }

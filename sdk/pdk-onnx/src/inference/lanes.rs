@@ -160,8 +160,23 @@ mod tests {
     #[test]
     fn a_multiply_add_is_rounded_once_whatever_the_numbers() {
         let special = [
-            0.0, -0.0, 1.0, -1.0, f32::MIN_POSITIVE, f32::from_bits(1), -f32::from_bits(3), f32::MAX, f32::MIN,
-            f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1.0 + f32::EPSILON, 16_777_217.0, 1e-38, 3e38, 1e-20,
+            0.0,
+            -0.0,
+            1.0,
+            -1.0,
+            f32::MIN_POSITIVE,
+            f32::from_bits(1),
+            -f32::from_bits(3),
+            f32::MAX,
+            f32::MIN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+            1.0 + f32::EPSILON,
+            16_777_217.0,
+            1e-38,
+            3e38,
+            1e-20,
         ];
         let check = |a: f32, b: f32, c: f32| {
             let (found, expected) = (computed(a, b, c), a.mul_add(b, c));

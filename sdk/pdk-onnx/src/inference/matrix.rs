@@ -91,14 +91,26 @@ impl Product {
         let taps = (0..inner).map(|k| offset(if turned_a { k * rows } else { k })).collect::<Result<_>>()?;
         // A constant that is added to each row is what the sums begin with.
         let by_column = addend.filter(|addend| {
-            right.is_some() && factor == 1.0 && addend_factor == 1.0 && matches!(addend.shape[..], [n] | [1, n] if n == columns)
+            right.is_some()
+                && factor == 1.0
+                && addend_factor == 1.0
+                && matches!(addend.shape[..], [n] | [1, n] if n == columns)
         });
-        let start: Vec<f32> = by_column.iter().flat_map(|addend| addend.values.iter().map(|v| *v as f32)).collect();
+        let start: Vec<f32> =
+            by_column.iter().flat_map(|addend| addend.values.iter().map(|v| *v as f32)).collect();
         let later = site.optional(2).filter(|_| by_column.is_none());
         let addend = later.map(|_| -> Result<_> {
             let of = site.shape(2)?;
-            let numbers = Tensor { element: site.fact(2)?.element, shape: of.to_vec(), values: (0..of.iter().product::<usize>()).map(|n| n as f64).collect() };
-            Ok(Tensor::from_fn(numbers.element, shape, |at| numbers.broadcast_at(at))?.values.iter().map(|v| *v as u32).collect())
+            let numbers = Tensor {
+                element: site.fact(2)?.element,
+                shape: of.to_vec(),
+                values: (0..of.iter().product::<usize>()).map(|n| n as f64).collect(),
+            };
+            Ok(Tensor::from_fn(numbers.element, shape, |at| numbers.broadcast_at(at))?
+                .values
+                .iter()
+                .map(|v| *v as u32)
+                .collect())
         });
         let addend = addend.transpose()?;
         let sum = (factor != 1.0 || addend.is_some()).then_some(Sum { factor, addend_factor, addend });
@@ -130,7 +142,9 @@ impl Product {
     fn pack(&self, values: &[f32], start: &[f32]) -> Packed {
         let [row, column] = self.right;
         let weight = |output: usize, tap: usize| values[tap * row + output * column];
-        Packed::new(self.columns, self.inner, self.rows, weight, |output| start.get(output).copied().unwrap_or(0.0))
+        Packed::new(self.columns, self.inner, self.rows, weight, |output| {
+            start.get(output).copied().unwrap_or(0.0)
+        })
     }
 }
 
@@ -151,7 +165,9 @@ impl Operation for Product {
             let packed = self.starts.iter().map(|&first| self.pack(&right[first..], &[])).collect();
             self.packed = packed;
         }
-        for (&(first, number), into) in self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1))) {
+        for (&(first, number), into) in
+            self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1)))
+        {
             product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, into);
         }
         let Some(Sum { factor, addend_factor, addend }) = &self.sum else { return Ok(()) };

@@ -13,8 +13,8 @@ mod matrix;
 mod movement;
 mod normalization;
 mod plain;
-mod planar;
 mod plan;
+mod planar;
 mod pooling;
 mod product;
 mod resize;
@@ -79,7 +79,10 @@ impl Program {
         }
         for (&(buffer, element, count), values) in self.inputs.iter().zip(inputs) {
             if values.len() != count {
-                return Err(Error::new(format!("an input has {count} numbers, but {} are given", values.len())));
+                return Err(Error::new(format!(
+                    "an input has {count} numbers, but {} are given",
+                    values.len()
+                )));
             }
             let buffer = &mut self.buffers[buffer];
             buffer.resize(count);

@@ -5,8 +5,8 @@
 
 use pdk_sdk::error::Result;
 
-use super::plan::Constants;
 use super::buffer::{Buffer, Operation};
+use super::plan::Constants;
 use crate::operators::Operator;
 use crate::site::Site;
 use crate::tensor::{Tensor, elements};
@@ -15,9 +15,9 @@ use crate::tensor::{Tensor, elements};
 pub fn moved(name: &str, inputs: usize) -> Option<Vec<usize>> {
     Some(match name {
         "Concat" => (0..inputs).collect(),
-        "Transpose" | "Slice" | "Split" | "Expand" | "Gather" | "Reshape" | "Flatten" | "Squeeze" | "Unsqueeze" | "Identity"
-        | "Dropout" | "Tile" | "DepthToSpace" | "SpaceToDepth" | "GatherElements" | "GatherND" | "ReverseSequence"
-        | "CenterCropPad" | "Trilu" => vec![0],
+        "Transpose" | "Slice" | "Split" | "Expand" | "Gather" | "Reshape" | "Flatten" | "Squeeze"
+        | "Unsqueeze" | "Identity" | "Dropout" | "Tile" | "DepthToSpace" | "SpaceToDepth"
+        | "GatherElements" | "GatherND" | "ReverseSequence" | "CenterCropPad" | "Trilu" => vec![0],
         "Pad" => vec![0, 2],
         "Where" => vec![1, 2],
         "ScatterElements" | "Scatter" | "ScatterND" => vec![0, 2],
@@ -29,7 +29,14 @@ pub fn moved(name: &str, inputs: usize) -> Option<Vec<usize>> {
 pub struct Movement {
     /// The places of the inputs that are read.
     places: Vec<usize>,
-    outputs: Vec<Vec<Piece>>,
+    outputs: Vec<Moves>,
+}
+
+/// How an output is filled.
+enum Moves {
+    Pieces(Vec<Piece>),
+    /// Where each element comes from, in the first of the inputs that are read: shorter than many pieces of few elements.
+    Each(Vec<u32>),
 }
 
 /// Elements that lie side by side in both.
@@ -93,18 +100,26 @@ impl Movement {
                 let input = starts.partition_point(|&start| start < number) - usize::from(is_element);
                 match pieces.last_mut() {
                     Some(Piece::Elements(from, start, count))
-                        if is_element && *from as usize == input && starts[input] + (*start + *count) as usize + 1 == number =>
+                        if is_element
+                            && *from as usize == input
+                            && starts[input] + (*start + *count) as usize + 1 == number =>
                     {
                         *count += 1;
                     }
-                    Some(Piece::Number(count, value)) if !is_element && value.to_bits() == a.to_bits() => *count += 1,
+                    Some(Piece::Number(count, value)) if !is_element && value.to_bits() == a.to_bits() => {
+                        *count += 1
+                    }
                     _ if is_element => {
                         pieces.push(Piece::Elements(input as u32, (number - 1 - starts[input]) as u32, 1));
                     }
                     _ => pieces.push(Piece::Number(1, a)),
                 }
             }
-            pieces
+            let short = variable.len() == 1 && pieces.len() > first.values.len() / 4;
+            match short && pieces.iter().all(|piece| matches!(piece, Piece::Elements(..))) {
+                true => Moves::Each(first.values.iter().map(|number| *number as u32 - 1).collect()),
+                false => Moves::Pieces(pieces),
+            }
         });
         let outputs = outputs.collect();
         Ok(Some(Self { places: variable, outputs }))
@@ -113,47 +128,58 @@ impl Movement {
 
 impl Operation for Movement {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        for (pieces, output) in self.outputs.iter().zip(outputs) {
+        let input = |input: usize| inputs.get(self.places[input]).copied().flatten();
+        for (moves, output) in self.outputs.iter().zip(outputs) {
             match output {
-                Buffer::Single(into) => fill(pieces, into, |value| value as f32, |input, from, count| {
-                    match inputs.get(self.places[input]).copied().flatten() {
-                        Some(Buffer::Single(values)) => Some(&values[from..from + count]),
-                        _ => None,
-                    }
-                }),
-                Buffer::Double(into) => fill(pieces, into, |value| value, |input, from, count| {
-                    match inputs.get(self.places[input]).copied().flatten() {
-                        Some(Buffer::Double(values)) => Some(&values[from..from + count]),
-                        _ => None,
-                    }
-                }),
+                Buffer::Single(into) => moves.fill(
+                    into,
+                    |value| value as f32,
+                    |place| match input(place) {
+                        Some(Buffer::Single(values)) => values,
+                        _ => &[],
+                    },
+                ),
+                Buffer::Double(into) => moves.fill(
+                    into,
+                    |value| value,
+                    |place| match input(place) {
+                        Some(Buffer::Double(values)) => values,
+                        _ => &[],
+                    },
+                ),
             }
         }
         Ok(())
     }
 }
 
-/// Fills an output piece by piece.
-fn fill<'a, T: Copy + 'a>(
-    pieces: &[Piece],
-    into: &mut [T],
-    number: impl Fn(f64) -> T,
-    elements: impl Fn(usize, usize, usize) -> Option<&'a [T]>,
-) {
-    let mut rest = into;
-    for piece in pieces {
-        let count = match *piece {
-            Piece::Elements(_, _, count) | Piece::Number(count, _) => count as usize,
-        };
-        let Some((now, later)) = std::mem::take(&mut rest).split_at_mut_checked(count) else { return };
-        match *piece {
-            Piece::Elements(input, from, _) => {
-                if let Some(values) = elements(input as usize, from as usize, count) {
-                    now.copy_from_slice(values);
+impl Moves {
+    /// Fills an output.
+    fn fill<'a, T: Copy + 'a>(
+        &self,
+        into: &mut [T],
+        number: impl Fn(f64) -> T,
+        input: impl Fn(usize) -> &'a [T],
+    ) {
+        match self {
+            Self::Each(places) => {
+                let values = input(0);
+                into.iter_mut().zip(places).for_each(|(into, place)| *into = values[*place as usize]);
+            }
+            Self::Pieces(pieces) => {
+                let mut rest = into;
+                for piece in pieces {
+                    let (Piece::Elements(_, _, count) | Piece::Number(count, _)) = *piece;
+                    let Some((now, later)) = rest.split_at_mut_checked(count as usize) else { return };
+                    match *piece {
+                        Piece::Elements(place, from, _) => {
+                            now.copy_from_slice(&input(place as usize)[from as usize..][..now.len()]);
+                        }
+                        Piece::Number(_, value) => now.fill(number(value)),
+                    }
+                    rest = later;
                 }
             }
-            Piece::Number(_, value) => now.fill(number(value)),
         }
-        rest = later;
     }
 }

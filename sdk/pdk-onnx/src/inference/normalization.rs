@@ -2,8 +2,8 @@
 
 use pdk_sdk::error::Result;
 
-use super::plan::Constants;
 use super::buffer::{Buffer, Operation, single};
+use super::plan::Constants;
 use crate::operators::normalization;
 use crate::site::Site;
 use crate::tensor::Tensor;
@@ -25,7 +25,9 @@ impl Normalization {
         normalization::by_channel(site)?;
         let [_, Some(scale), Some(bias), Some(mean), Some(variance)] = constants else { return Ok(None) };
         let count = scale.values.len();
-        if site.node.output.len() != 1 || [bias, mean, variance].iter().any(|values| values.values.len() != count) {
+        if site.node.output.len() != 1
+            || [bias, mean, variance].iter().any(|values| values.values.len() != count)
+        {
             return Ok(None);
         }
         let epsilon = normalization::epsilon(site);

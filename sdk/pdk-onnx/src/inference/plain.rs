@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Place, Result};
 
-use super::plan::Constants;
 use super::buffer::{Buffer, Operation};
+use super::plan::Constants;
 use crate::graph::{Graph, describe};
 use crate::operators::{self, Operator};
 use crate::site::Site;

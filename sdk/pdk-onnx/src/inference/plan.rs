@@ -33,7 +33,14 @@ pub type Constants = [Option<Arc<Tensor>>];
 pub fn program(graph: Graph) -> Result<Program> {
     let graph = Arc::new(graph);
     let outputs: Vec<&str> = graph.outputs().iter().map(String::as_str).collect();
-    let mut plan = Plan { graph: &graph, constants: HashMap::new(), kept: HashMap::new(), buffers: Vec::new(), values: HashMap::new(), values_known: Vec::new() };
+    let mut plan = Plan {
+        graph: &graph,
+        constants: HashMap::new(),
+        kept: HashMap::new(),
+        buffers: Vec::new(),
+        values: HashMap::new(),
+        values_known: Vec::new(),
+    };
     let inputs = graph.inputs().map(|name| plan.value(name)).collect::<Result<Vec<_>>>()?;
     let needed = graph.needed(&outputs, &HashSet::new());
     let mut steps = Vec::new();
@@ -113,16 +120,21 @@ impl<'a> Plan<'a> {
         let graph = self.graph;
         let node = &graph.nodes()[place];
         let site = Site::new(&graph.values, node);
-        let constants = node.input.iter().map(|name| match self.values.contains_key(name.as_str()) || name.is_empty() {
-            true => Ok(None),
-            false => self.constant(name),
-        });
+        let constants =
+            node.input.iter().map(|name| match self.values.contains_key(name.as_str()) || name.is_empty() {
+                true => Ok(None),
+                false => self.constant(name),
+            });
         let constants = constants.collect::<Result<Vec<_>>>()?;
         for name in node.output.iter().filter(|name| !name.is_empty()) {
             graph.fact(name)?;
         }
-        let is_constant = node.input.iter().zip(&constants).all(|(name, known)| name.is_empty() || known.is_some());
-        let outputs_known = node.output.iter().all(|name| name.is_empty() || graph.constant(name).is_ok_and(|known| known.is_some()));
+        let is_constant =
+            node.input.iter().zip(&constants).all(|(name, known)| name.is_empty() || known.is_some());
+        let outputs_known = node
+            .output
+            .iter()
+            .all(|name| name.is_empty() || graph.constant(name).is_ok_and(|known| known.is_some()));
         if outputs_known {
             return Ok(None);
         }
@@ -143,7 +155,12 @@ impl<'a> Plan<'a> {
             let number = self.value(name)?;
             outputs.push((number, self.values_known[number].0, self.values_known[number].1));
         }
-        Ok(Some(Step { operation, inputs, results: outputs.iter().map(|_| Buffer::Single(Vec::new())).collect(), outputs }))
+        Ok(Some(Step {
+            operation,
+            inputs,
+            results: outputs.iter().map(|_| Buffer::Single(Vec::new())).collect(),
+            outputs,
+        }))
     }
 
     /// Gives each value a buffer, which it leaves to others after its last use.
@@ -214,7 +231,8 @@ impl<'a> Plan<'a> {
         }
         let mut outputs = results;
         outputs.iter_mut().for_each(placed);
-        let known = |value: &usize| (places[*value], self.values_known[*value].0, self.values_known[*value].1);
+        let known =
+            |value: &usize| (places[*value], self.values_known[*value].0, self.values_known[*value].1);
         let room = |(single, count): (bool, usize)| match single {
             true => Buffer::Single(Vec::with_capacity(count)),
             false => Buffer::Double(Vec::with_capacity(count)),
@@ -230,14 +248,24 @@ impl<'a> Plan<'a> {
 }
 
 /// How a node is computed.
-fn operation(graph: &Arc<Graph>, place: usize, site: &Site<'_>, constants: &Constants) -> Result<Box<dyn Operation>> {
+fn operation(
+    graph: &Arc<Graph>,
+    place: usize,
+    site: &Site<'_>,
+    constants: &Constants,
+) -> Result<Box<dyn Operation>> {
     let node = site.node;
     let operator = operators::known(node)?;
     let mut computed = Vec::new();
-    for (place, _) in constants.iter().enumerate().filter(|(place, known)| known.is_none() && site.optional(*place).is_some()) {
+    for (place, _) in constants
+        .iter()
+        .enumerate()
+        .filter(|(place, known)| known.is_none() && site.optional(*place).is_some())
+    {
         computed.push(site.fact(place)?.element);
     }
-    let results = node.output.iter().filter(|name| !name.is_empty()).map(|name| Ok(graph.fact(name)?.element));
+    let results =
+        node.output.iter().filter(|name| !name.is_empty()).map(|name| Ok(graph.fact(name)?.element));
     let results = results.collect::<Result<Vec<_>>>()?;
     let all = |fits: fn(Element) -> bool| computed.iter().chain(&results).all(|element| fits(*element));
 
@@ -247,8 +275,11 @@ fn operation(graph: &Arc<Graph>, place: usize, site: &Site<'_>, constants: &Cons
     {
         return Ok(Box::new(movement));
     }
-    let in_single = |place: usize| site.optional(place).is_none() || site.fact(place).is_ok_and(|fact| is_single(fact.element));
-    if all(|element| element.is_float() && is_single(element)) && (0..node.input.len().min(3)).all(in_single) {
+    let in_single = |place: usize| {
+        site.optional(place).is_none() || site.fact(place).is_ok_and(|fact| is_single(fact.element))
+    };
+    if all(|element| element.is_float() && is_single(element)) && (0..node.input.len().min(3)).all(in_single)
+    {
         let known = |place: usize| constants.get(place).and_then(Option::as_deref);
         // Weights are packed once if what is added to the sums is constant too.
         let weights = known(1).filter(|_| site.optional(2).is_none() || known(2).is_some());
@@ -263,7 +294,9 @@ fn operation(graph: &Arc<Graph>, place: usize, site: &Site<'_>, constants: &Cons
         if let Some(pool) = Pool::new(site)? {
             return Ok(Box::new(pool));
         }
-        if node.op_type == "BatchNormalization" && let Some(normalization) = Normalization::new(site, constants)? {
+        if node.op_type == "BatchNormalization"
+            && let Some(normalization) = Normalization::new(site, constants)?
+        {
             return Ok(Box::new(normalization));
         }
         if let Some(unary) = Unary::new(site)? {

@@ -60,7 +60,10 @@ pub fn sum(
 ) {
     let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map_or(0, |value| value as usize);
     let last = farthest(&mut rows.iter().map(|row| row.from)) + farthest(&mut taps.iter().copied());
-    assert!(width >= LANES && (rows.is_empty() || last + width <= input.len()), "a tap lies outside the input");
+    assert!(
+        width >= LANES && (rows.is_empty() || last + width <= input.len()),
+        "a tap lies outside the input"
+    );
     assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
     dispatch(Sums { input, weights, taps, rows, width, apart, into });
 }
@@ -95,7 +98,12 @@ impl Sums<'_> {
 
     /// `VECTORS` vectors of a row from a place on, for `OUTPUTS` outputs.
     #[inline(always)]
-    fn tile<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize, row: &Row, at: usize) {
+    fn tile<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(
+        &mut self,
+        first: usize,
+        row: &Row,
+        at: usize,
+    ) {
         let mut sums: [[L; VECTORS]; OUTPUTS] =
             array::from_fn(|output| [L::splat(self.weights.start[first + output]); VECTORS]);
         let weights = self.weights.weights[first * self.taps.len()..].chunks_exact(OUTPUTS);
@@ -143,7 +151,8 @@ mod tests {
 
     #[test]
     fn sums_are_those_of_the_definition_whatever_the_width() {
-        let draw = |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
+        let draw =
+            |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
         for (outputs, taps, width) in [(1, 9, 8), (2, 9, 37), (3, 5, 100), (4, 7, 33), (7, 25, 47)] {
             let (height, length) = (3, width + taps);
             let input = draw(1, height * length);
@@ -157,7 +166,9 @@ mod tests {
                 for (at, value) in plane.iter_mut().enumerate() {
                     let from = at / width * length + at % width;
                     let products = weights[output * taps..][..taps].iter().enumerate();
-                    *value = products.fold(start[output], |sum, (tap, weight)| multiply_add(input[from + tap], *weight, sum));
+                    *value = products.fold(start[output], |sum, (tap, weight)| {
+                        multiply_add(input[from + tap], *weight, sum)
+                    });
                 }
             }
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);

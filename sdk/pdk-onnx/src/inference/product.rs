@@ -107,7 +107,8 @@ impl<'a> Sums<'a> {
         into: &'a mut [f32],
     ) -> Self {
         let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map(|value| value as usize);
-        let last = farthest(&mut places.iter().map(|place| place.from)).zip(farthest(&mut taps.iter().copied()));
+        let last =
+            farthest(&mut places.iter().map(|place| place.from)).zip(farthest(&mut taps.iter().copied()));
         assert!(last.is_none_or(|(place, tap)| place + tap < input.len()), "a tap lies outside the input");
         assert_eq!(taps.len(), packed.taps, "there is a weight for each tap");
         Self { input, packed, taps, places, apart, into }
@@ -115,21 +116,35 @@ impl<'a> Sums<'a> {
 
     #[inline(always)]
     fn block<L: Lanes, const VECTORS: usize, const PLACES: usize>(&mut self, block: &Block) {
-        assert!(block.weights.len() == self.taps.len() * VECTORS * LANES && block.start.len() == VECTORS * LANES);
+        assert!(
+            block.weights.len() == self.taps.len() * VECTORS * LANES && block.start.len() == VECTORS * LANES
+        );
         for places in self.places.chunks(PLACES) {
             // A short tile computes its last place several times.
             let from = array::from_fn(|place| places[place.min(places.len() - 1)].from as usize);
             // SAFETY: `new` has seen that each place with each tap lies inside the input, and the weights are as many as the assertion says.
             let sums: [[L; VECTORS]; PLACES] =
                 unsafe { tile(self.input, from, self.taps, &block.weights, &block.start) };
-            for (place, vectors) in places.iter().zip(sums) {
+            let values = sums.map(|vectors| vectors.map(L::to_array));
+            let side_by_side =
+                places.len() == PLACES && places.windows(2).all(|two| two[1].to == two[0].to + 1);
+            if side_by_side && self.apart != 1 {
+                let first = places[0].to as usize + block.first * self.apart;
+                for output in 0..block.count {
+                    let row = &mut self.into[first + output * self.apart..][..PLACES];
+                    for (into, values) in row.iter_mut().zip(&values) {
+                        *into = values[output / LANES][output % LANES];
+                    }
+                }
+                continue;
+            }
+            for (place, values) in places.iter().zip(&values) {
                 let to = place.to as usize + block.first * self.apart;
-                let values = vectors.map(L::to_array);
-                let values = values.as_flattened().iter().take(block.count);
+                let values = &values.as_flattened()[..block.count];
                 if self.apart == 1 {
-                    self.into[to..to + block.count].iter_mut().zip(values).for_each(|(into, value)| *into = *value);
+                    self.into[to..to + block.count].copy_from_slice(values);
                 } else {
-                    for (output, value) in values.enumerate() {
+                    for (output, value) in values.iter().enumerate() {
                         self.into[to + output * self.apart] = *value;
                     }
                 }
@@ -168,7 +183,8 @@ unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
     start: &[f32],
 ) -> [[L; VECTORS]; PLACES] {
     // SAFETY: the starts are as many as that.
-    let starts: [L; VECTORS] = array::from_fn(|vector| unsafe { L::load(start.as_ptr().add(vector * LANES)) });
+    let starts: [L; VECTORS] =
+        array::from_fn(|vector| unsafe { L::load(start.as_ptr().add(vector * LANES)) });
     let mut sums = [starts; PLACES];
     // SAFETY: the places lie inside the input.
     let places = from.map(|from| unsafe { input.as_ptr().add(from) });
@@ -198,10 +214,19 @@ mod tests {
     /// What each kind of lanes computes is what the definition says, bit for bit.
     #[test]
     fn sums_are_added_in_one_order_whatever_the_lanes_and_tiles() {
-        let draw = |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
-        for (outputs, taps, places) in
-            [(1, 1, 1), (3, 5, 2), (8, 27, 13), (16, 9, 6), (24, 75, 9), (33, 11, 5), (36, 40, 7), (100, 64, 1), (65, 3, 1)]
-        {
+        let draw =
+            |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
+        for (outputs, taps, places) in [
+            (1, 1, 1),
+            (3, 5, 2),
+            (8, 27, 13),
+            (16, 9, 6),
+            (24, 75, 9),
+            (33, 11, 5),
+            (36, 40, 7),
+            (100, 64, 1),
+            (65, 3, 1),
+        ] {
             let input = draw(1, 3 * (places + taps));
             let weights = draw(2, outputs * taps);
             let start = draw(3, outputs);

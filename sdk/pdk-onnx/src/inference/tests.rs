@@ -16,7 +16,11 @@ fn programs_compute_what_the_rules_say() {
             for _ in 0..2 {
                 program.run(&[input.clone()], &mut outputs).unwrap();
                 let (found, expected) = (f64::from(outputs[0][0]), expected.values[0]);
-                assert!((found - expected).abs() < 1e-5 * (1.0 + expected.abs()), "{} {opset}: {found} {expected}", case.name);
+                assert!(
+                    (found - expected).abs() < 1e-5 * (1.0 + expected.abs()),
+                    "{} {opset}: {found} {expected}",
+                    case.name
+                );
             }
         }
     }
@@ -27,7 +31,10 @@ fn programs_compute_what_the_rules_say() {
 fn bench() {
     for path in std::env::var("NETS").unwrap().split(',') {
         let graph = Graph::new(crate::model::read(path.as_ref()).unwrap()).unwrap();
-        let inputs: Vec<Vec<f32>> = graph.inputs().map(|name| vec![0.5f32; graph.fact(name).unwrap().shape.iter().product()]).collect();
+        let inputs: Vec<Vec<f32>> = graph
+            .inputs()
+            .map(|name| vec![0.5f32; graph.fact(name).unwrap().shape.iter().product()])
+            .collect();
         let mut outputs = vec![Vec::new(); graph.outputs().len()];
         let t = std::time::Instant::now();
         let mut program = Program::new(graph).unwrap();
@@ -38,6 +45,29 @@ fn bench() {
             program.run(&inputs, &mut outputs).unwrap();
             best = best.min(t.elapsed().as_secs_f64());
         }
-        println!("{path}: prepared {prepared:?}, run {:.3} ms, {:?}", best * 1e3, &outputs[0][..2.min(outputs[0].len())]);
+        let mut times = vec![f64::MAX; program.steps.len()];
+        for _ in 0..20 {
+            for &(place, _, count) in &program.inputs {
+                program.buffers[place].resize(count);
+            }
+            for (number, step) in program.steps.iter_mut().enumerate() {
+                let t = std::time::Instant::now();
+                step.run(&mut program.buffers, &program.constants).unwrap();
+                times[number] = times[number].min(t.elapsed().as_secs_f64());
+            }
+        }
+        for (number, time) in times.iter().enumerate().filter(|(_, time)| **time > 2e-5) {
+            println!(
+                "   {number} {:.3} ms {} -> {}",
+                time * 1e3,
+                program.steps[number].inputs.len(),
+                program.steps[number].outputs[0].2
+            );
+        }
+        println!(
+            "{path}: prepared {prepared:?}, run {:.3} ms, {:?}",
+            best * 1e3,
+            &outputs[0][..2.min(outputs[0].len())]
+        );
     }
 }
