@@ -119,7 +119,7 @@ mod tests {
             pdk-a = { path = "sdk/pdk-a", version = "1.2.3" }
             pdk-b = { path = "sdk/pdk-b" }
             libm = "0.2"
-            tract = "1"
+            clap = "1"
             [profile.release]
             lto = true
         "#;

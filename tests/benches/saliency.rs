@@ -51,7 +51,7 @@ fn main() {
     let named = arguments.iter().position(|argument| argument == "--model").map(|at| &arguments[at + 1]);
     let networks = [Some("dave2"), named.map(String::as_str)];
     for network in networks.into_iter().flatten() {
-        for engine in ["tract", "onnxruntime"] {
+        for engine in ["pdk", "onnxruntime"] {
             let values: Map<String, Value> =
                 [("model".to_owned(), network.into()), ("engine".to_owned(), engine.into())]
                     .into_iter()

@@ -134,7 +134,7 @@ fn closed_loop(registry: &Registry) -> Vec<Value> {
         }));
     }
     let folder = pdk_tests::temp();
-    for engine in ["tract", "onnxruntime"] {
+    for engine in ["pdk", "onnxruntime"] {
         let record = folder.path().join(engine);
         let run = Pdk::new(["run", "--out"])
             .arg(&record)

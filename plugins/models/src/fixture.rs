@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use pdk_onnx::Element;
+use pdk_onnx::proto::{
+    self as pb, DimensionProto, TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto,
+};
 use prost::Message;
 use tempfile::NamedTempFile;
-use tract_onnx::pb;
-use tract_onnx::pb::tensor_proto::DataType;
-use tract_onnx::pb::tensor_shape_proto::{Dimension, dimension};
 
 /// A model whose outputs are weighted sums of all its input values.
 pub struct Pilot {
     /// The input's shape; a word is a dimension that is left open.
     pub dims: Vec<String>,
     /// The input's type.
-    pub element: DataType,
+    pub element: Element,
     /// Name and number of values of each output.
     pub outputs: Vec<(&'static str, usize)>,
     /// The name of a second input of one number, which is added to each output.
@@ -31,7 +32,7 @@ impl Pilot {
     pub fn new(dims: &[&str]) -> Self {
         Self {
             dims: dims.iter().map(|&dim| dim.to_owned()).collect(),
-            element: DataType::Float,
+            element: Element::FLOAT,
             outputs: vec![("control", 2)],
             second_input: None,
             copy: None,
@@ -70,7 +71,7 @@ impl Pilot {
         let mut graph = pb::GraphProto { name: "pilot".into(), ..Default::default() };
         graph.input.push(value_info("image", self.element, &self.dims));
         if let Some(name) = self.second_input {
-            graph.input.push(value_info(name, DataType::Float, &["1".into(), "1".into()]));
+            graph.input.push(value_info(name, Element::FLOAT, &["1".into(), "1".into()]));
         }
         graph.node.push(node(self.operator, &["image"], "flat"));
         for (output, (name, columns)) in self.outputs.iter().enumerate() {
@@ -78,7 +79,7 @@ impl Pilot {
             graph.initializer.push(pb::TensorProto {
                 name: format!("weights_{output}"),
                 dims: vec![values as i64, *columns as i64],
-                data_type: DataType::Float as i32,
+                data_type: Element::FLOAT.0,
                 raw_data: weights.flat_map(f32::to_le_bytes).collect::<Vec<u8>>(),
                 ..Default::default()
             });
@@ -93,7 +94,7 @@ impl Pilot {
             }
             graph.output.push(value_info(
                 name,
-                DataType::Float,
+                Element::FLOAT,
                 &[self.dims[0].clone(), columns.to_string()],
             ));
         }
@@ -102,7 +103,7 @@ impl Pilot {
             graph.node.push(node("Identity", &[of], copy));
             graph.output.push(value_info(
                 copy,
-                DataType::Float,
+                Element::FLOAT,
                 &[self.dims[0].clone(), columns.to_string()],
             ));
         }
@@ -134,21 +135,14 @@ fn node(operator: &str, inputs: &[&str], output: &str) -> pb::NodeProto {
     }
 }
 
-fn value_info(name: &str, element: DataType, dims: &[String]) -> pb::ValueInfoProto {
-    let dim = dims.iter().map(|dim| {
-        let value = match dim.parse() {
-            Ok(value) => dimension::Value::DimValue(value),
-            Err(_) => dimension::Value::DimParam(dim.clone()),
-        };
-        Dimension { value: Some(value), ..Default::default() }
+fn value_info(name: &str, element: Element, dims: &[String]) -> ValueInfoProto {
+    let dim = dims.iter().map(|dim| match dim.parse() {
+        Ok(value) => DimensionProto { dim_value: Some(value), dim_param: None },
+        Err(_) => DimensionProto { dim_value: None, dim_param: Some(dim.clone()) },
     });
-    let tensor = pb::type_proto::Tensor {
-        elem_type: element as i32,
-        shape: Some(pb::TensorShapeProto { dim: dim.collect() }),
-    };
-    let value = Some(pb::type_proto::Value::TensorType(tensor));
-    let r#type = Some(pb::TypeProto { value, ..Default::default() });
-    pb::ValueInfoProto { name: name.into(), r#type, ..Default::default() }
+    let shape = Some(TensorShapeProto { dim: dim.collect() });
+    let tensor_type = Some(TensorTypeProto { elem_type: element.0, shape });
+    ValueInfoProto { name: name.into(), r#type: Some(TypeProto { tensor_type }) }
 }
 
 /// A file or folder of the data that lies outside the repository; says so if it is not there.

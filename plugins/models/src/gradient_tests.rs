@@ -17,10 +17,10 @@ use crate::session::{Network, Session, Taken};
 /// The engines to test; ONNX Runtime if it is found.
 pub fn engines() -> Vec<&'static str> {
     match crate::locate::Search::from_environment().find().unwrap() {
-        Some(_) => vec!["tract", "onnxruntime"],
+        Some(_) => vec!["pdk", "onnxruntime"],
         None => {
             println!("skipped for onnxruntime: it is not installed");
-            vec!["tract"]
+            vec!["pdk"]
         }
     }
 }

@@ -2,21 +2,20 @@
 //!
 //! A model is an ONNX file. [`model_file`] reads what the file declares, joins it with its description, and refuses what is not a
 //! driving model, the same way whichever engine runs it later. The crate `pdk-network` knows descriptions: it turns frames into the
-//! numbers that the model expects, and outputs into a control. [`engine`] chooses who runs the model: [`tract`], which is part of this plugin, or
+//! numbers that the model expects, and outputs into a control. [`engine`] chooses who runs the model: [`executor`], which that is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. Each [`driver`] puts it all together.
 //! [`backward`] has the gradient of the steering with respect to a frame, along which an [`attack`] goes. [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
 //! [`picture`].
 
 mod backward;
+mod executor;
 mod engine;
 mod locate;
-mod mathematics;
 mod model_file;
 mod onnxruntime;
 mod picture;
 mod processor;
 mod session;
-mod tract;
 
 #[cfg(test)]
 mod attack_tests;
@@ -121,7 +120,7 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
         model_file::Source::File(path.to_owned()),
         pdk_network::Given::default(),
     )?;
-    model.try_out(&mut tract::Tract::new(&model.network())?, 1.0).map(|_| ())
+    model.try_out(&mut executor::Executor::new(&model.network())?, 1.0).map(|_| ())
 }
 
 pdk_sdk::export! {

@@ -12,8 +12,8 @@ const VARIABLE: &str = "PDK_ONNXRUNTIME";
 const REMEDY: &str = "`pip install onnxruntime` makes it available, or set PDK_ONNXRUNTIME to its shared library \
                           (libonnxruntime.so)";
 
-/// What to do where tract cannot run a model.
-pub fn instead_of_tract() -> String {
+/// What to do if the executor of pdk cannot run a model.
+pub fn alternative() -> String {
     format!("ONNX Runtime may be able to: {REMEDY}")
 }
 

@@ -7,10 +7,10 @@ use pdk_network::described::Described;
 use pdk_network::given::ENDINGS;
 use pdk_network::{Declared, Given, Inputs, Outputs, Plan};
 use pdk_onnx::model;
+use pdk_onnx::proto::{GraphProto, ModelProto};
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
-use tract_onnx::pb;
-use tract_onnx::prelude::Framework;
+use prost::Message;
 
 use crate::session::{Graph, Network, Session};
 
@@ -58,7 +58,7 @@ pub struct ModelFile {
     /// Where it comes from.
     pub source: Source,
     /// What it contains.
-    pub proto: pb::ModelProto,
+    pub proto: ModelProto,
     /// What its inputs get.
     pub plan: Plan,
 }
@@ -67,7 +67,7 @@ impl ModelFile {
     /// The network for an engine, for one image at a time.
     pub fn network(&self) -> Network<'_> {
         let graph = match &self.source {
-            Source::File(path) => Graph::File { path, proto: &self.proto },
+            Source::File(path) => Graph::File(path),
             Source::BuiltIn(bytes) => Graph::Memory(bytes),
         };
         Network { graph, inputs: self.plan.inputs.iter().map(Into::into).collect() }
@@ -123,12 +123,9 @@ impl ModelFile {
     /// As for [`Self::read`].
     pub fn read_at(source: Source, mut given: Given, open: Option<[usize; 2]>) -> Result<Self> {
         let content = source.content()?;
-        // The content is read twice, because what engines take and what `pdk show` reads are types of two crates.
-        let declared = Declared::of_model(&model::decode(&content)?);
-        let proto = tract_onnx::onnx()
-            .proto_model_for_read(&mut &*content)
-            .map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;
+        let proto = model::decode(&content)?;
         drop(content);
+        let declared = Declared::of_model(&proto);
         if let (Source::File(path), Some(graph)) = (&source, &proto.graph) {
             check_external(graph, path.parent().unwrap_or(Path::new("")))?;
         }
@@ -142,10 +139,10 @@ impl ModelFile {
 }
 
 /// Looks at the files of weights that a graph names: they lie in the folder of the model, and are files.
-fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
+fn check_external(graph: &GraphProto, folder: &Path) -> Result<()> {
     let mut external = Vec::new();
     locations(graph, &mut external);
-    for location in external {
+    for location in &external {
         if !is_beside(location) {
             return Err(Error::new(format!(
                 "its weights are in `{}`, outside its folder, and pdk reads nothing there; put them beside the model",
@@ -159,18 +156,20 @@ fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
 }
 
 /// The files that a graph names for its weights, and for those of the graphs within it.
-fn locations<'a>(graph: &'a pb::GraphProto, into: &mut Vec<&'a Path>) {
+fn locations(graph: &GraphProto, into: &mut Vec<PathBuf>) {
     let attributes = || graph.node.iter().flat_map(|node| &node.attribute);
     let tensors = attributes().flat_map(|attribute| attribute.t.iter().chain(&attribute.tensors));
     let entries = graph.initializer.iter().chain(tensors).flat_map(|tensor| &tensor.external_data);
     for entry in entries.filter(|entry| entry.key == "location") {
-        let location = Path::new(&entry.value);
+        let location = PathBuf::from(&entry.value);
         if !into.contains(&location) {
             into.push(location);
         }
     }
     let graphs = attributes().flat_map(|attribute| attribute.g.iter().chain(&attribute.graphs));
-    graphs.for_each(|graph| locations(graph, into));
+    for graph in graphs.filter_map(|bytes| GraphProto::decode(bytes.as_slice()).ok()) {
+        locations(&graph, into);
+    }
 }
 
 /// Whether weights lie in the model's own folder, or in one within it.
@@ -206,11 +205,11 @@ fn folder_of(path: &Path) -> &Path {
 pub fn weights(model: &str) -> Vec<InputFiles> {
     let path = Path::new(model);
     let content = file::read(path, LARGEST).ok();
-    let proto = content.and_then(|content| tract_onnx::onnx().proto_model_for_read(&mut &*content).ok());
+    let proto = content.and_then(|content| model::decode(&content).ok());
     let graph = proto.as_ref().and_then(|proto| proto.graph.as_ref());
     let mut names = Vec::new();
     graph.into_iter().for_each(|graph| locations(graph, &mut names));
-    let names: Vec<PathBuf> = names.into_iter().filter(|name| is_beside(name)).map(Path::to_owned).collect();
+    let names: Vec<PathBuf> = names.into_iter().filter(|name| is_beside(name)).collect();
     match names.is_empty() {
         true => Vec::new(),
         false => vec![InputFiles::new(&format!("weights of {}", name_of(path)), folder_of(path), names)],
@@ -219,7 +218,7 @@ pub fn weights(model: &str) -> Vec<InputFiles> {
 
 #[cfg(test)]
 mod tests {
-    use prost::Message;
+    use pdk_onnx::proto::StringStringEntryProto;
 
     use super::*;
     use crate::fixture::Pilot;
@@ -232,8 +231,8 @@ mod tests {
     fn weights_are_read_from_the_folder_of_the_model_only() {
         let refused = |location: &str| {
             let mut model =
-                pb::ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
-            let entry = pb::StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
+                ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
+            let entry = StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
             let weight = &mut model.graph.as_mut().unwrap().initializer[0];
             weight.external_data = vec![entry];
             let folder = tempfile::tempdir().unwrap();

@@ -150,7 +150,7 @@ impl OnnxRuntime {
             .with_deterministic_compute(true)
             .place(place)?;
         let session = match &network.graph {
-            Graph::File { path, .. } => builder.commit_from_file(path),
+            Graph::File(path) => builder.commit_from_file(path),
             Graph::Memory(bytes) => builder.commit_from_memory(bytes),
         };
         let session = session.place(place)?;

@@ -72,7 +72,7 @@ fn correlation(one: &[f32], other: &[f32]) -> Option<f64> {
 fn map<M: Component + Saliency>(model: &Path, frame: &FrameBuf, more: &Value) -> Vec<f32> {
     let mut given = more.clone();
     let own = json!({
-        "model": model, "size": "layer", "resize": "linear", "color": "rgb", "scale": "0..255", "engine": "tract",
+        "model": model, "size": "layer", "resize": "linear", "color": "rgb", "scale": "0..255", "engine": "pdk",
         "inputs": {"image": "image", "speed": "speed"}, "steering": {"output": "control", "index": 0},
         "throttle": {"output": "control", "index": 1},
     });

@@ -5,7 +5,6 @@ use std::path::Path;
 use pdk_network::Element;
 use pdk_network::plan::Input;
 use pdk_sdk::error::Result;
-use tract_onnx::pb::ModelProto;
 
 /// A network as an engine takes it.
 pub struct Network<'a> {
@@ -31,6 +30,11 @@ impl From<&Input> for Taken {
 }
 
 impl Taken {
+    /// Whether the numbers are bytes.
+    pub fn is_whole(&self) -> bool {
+        matches!(self.element, Element::Uint8 | Element::Int8)
+    }
+
     /// A number as a byte holds it: rounded to the nearest, halves to even, within the range of the type.
     pub fn whole(&self, value: f32) -> f32 {
         let (least, greatest) = if self.element == Element::Int8 { (-128.0, 127.0) } else { (0.0, 255.0) };
@@ -40,13 +44,8 @@ impl Taken {
 
 /// Where a network's graph is.
 pub enum Graph<'a> {
-    /// In a file, which has been read.
-    File {
-        /// The file.
-        path: &'a Path,
-        /// Its content.
-        proto: &'a ModelProto,
-    },
+    /// In a file.
+    File(&'a Path),
     /// In memory, as the content of a file that stands for itself.
     Memory(&'a [u8]),
 }

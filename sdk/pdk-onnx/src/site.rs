@@ -52,7 +52,12 @@ impl<'a> Site<'a> {
 
     /// The shape of what comes out first.
     pub fn output_shape(&self) -> Result<&'a [usize]> {
-        Ok(&self.values.fact(self.output(0)?)?.shape)
+        Ok(&self.fact_of_output()?.shape)
+    }
+
+    /// Type and shape of what comes out first.
+    pub fn fact_of_output(&self) -> Result<&'a Fact> {
+        self.values.fact(self.output(0)?)
     }
 
     /// The elements of what goes in, which may not depend on the image; nothing if it is left out.

@@ -542,13 +542,13 @@ fn the_built_in_plugins_keep_the_rules() {
                 check = check.set("comma2k19.full_lock", -400);
             }
             "libpdk_models" => {
-                check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");
-                check = check.set("network.model", "pilot.onnx").set("network.engine", "tract");
+                check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "pdk");
+                check = check.set("network.model", "pilot.onnx").set("network.engine", "pdk");
                 let pictures = repository().join("docs/examples/recording/frames");
                 check = check.set("expected-gradients.pictures", pictures.display());
                 for component in ["repaint", "segmentation"] {
                     check = check.set(&format!("{component}.model"), "mirror.onnx");
-                    check = check.set(&format!("{component}.engine"), "tract");
+                    check = check.set(&format!("{component}.engine"), "pdk");
                 }
             }
             "libpdk_overlay" => {

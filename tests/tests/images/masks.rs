@@ -120,7 +120,7 @@ fn distances_limit_a_perturbation() {
 #[test]
 fn drops_follow_attention_and_others_refuse_to() {
     let folder = temp();
-    let by = "gradient,model=dave2,engine=tract";
+    let by = "gradient,model=dave2,engine=pdk";
     let with = changed(folder.path(), &format!("raindrops_on_lens@4,attention=\"{by}\""));
     let without = changed(folder.path(), "raindrops_on_lens@4");
     assert_ne!(with, without);

@@ -93,7 +93,7 @@ fn what_a_network_sees_is_a_picture() {
 fn drive(folder: &Path, model: &str) -> Pdk {
     let source = r#"
         local settings = pdk.settings({ model = "" })
-        pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = { name = "onnx", model = settings.model, engine = "tract" },
+        pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = { name = "onnx", model = settings.model, engine = "pdk" },
             scenarios = { { seed = 1, duration = 0.3 }, { seed = 2, duration = 0.3 } } })
     "#;
     let pipeline = pdk_tests::process::pipeline(folder, source);
@@ -170,6 +170,6 @@ fn a_description_that_does_not_fit_ends_a_run_with_file_field_and_remedy() {
 #[test]
 fn doctor_names_the_engines_that_run_networks() {
     let report = pdk(&["doctor"]).run().stdout;
-    assert!(report.contains("engine     `tract`, the default, runs networks on tract "), "{report}");
+    assert!(report.contains("engine     `pdk`, the default, runs networks on pdk "), "{report}");
     assert!(report.contains("engine     `onnxruntime`"), "{report}");
 }

@@ -17,7 +17,7 @@ fn offline(out: &Path, dataset: &Path, model: &Path) -> Pdk {
         .arg(repository().join("scripts/offline.lua"))
         .set("dataset", dataset.display())
         .set("model", model.display())
-        .set("driver.engine", "tract")
+        .set("driver.engine", "pdk")
         .set("perturbations", "gaussian_noise,contrast")
         .set("levels", "0,4")
 }

@@ -77,7 +77,7 @@ fn overlaps_of_a_segmentation_are_those_of_a_plain_program() {
     let source = r#"
         local result = pdk.evaluate({
             dataset = { name = "pictures", path = pdk.path("data") },
-            predictor = { name = "network", model = pdk.path("classes.onnx"), scale = "0..1", engine = "tract" },
+            predictor = { name = "network", model = pdk.path("classes.onnx"), scale = "0..1", engine = "pdk" },
             task = { kind = "segmentation", labels = pdk.path("masks"), classes = { "road", "car", "sky" }, values = { 0, 7, 9 } },
             perturbations = { "gaussian_noise", "increase_brightness" }, levels = { 1, 4 },
         })
@@ -155,7 +155,7 @@ fn errors_of_distances_are_those_of_a_plain_program() {
         let source = r#"
             pdk.show(pdk.evaluate({
                 dataset = { name = "pictures", path = pdk.path("data") },
-                predictor = { name = "network", model = pdk.path("depth.onnx"), scale = "0..1", engine = "tract" },
+                predictor = { name = "network", model = pdk.path("depth.onnx"), scale = "0..1", engine = "pdk" },
                 task = { kind = "depth", labels = pdk.path("depth"), unit = 1 / 256, nearest = 0.5, farthest = 6 },
                 perturbations = { "increase_brightness", "gaussian_noise" }, levels = { 0, 4 },
             }))
@@ -201,7 +201,7 @@ fn boxes_of_yolo_count_as_those_of_coco() {
         let source = format!(
             r#"pdk.evaluate({{
                 dataset = {{ name = "pictures", path = pdk.path("data") }},
-                predictor = {{ name = "network", model = pdk.path("boxes.onnx"), scale = "0..1", engine = "tract" }},
+                predictor = {{ name = "network", model = pdk.path("boxes.onnx"), scale = "0..1", engine = "pdk" }},
                 task = {{ kind = "detection", labels = pdk.path("{labels}"), corners = false }},
                 perturbations = {{ "gaussian_noise" }}, levels = {{ 4 }},
             }})"#
@@ -232,7 +232,7 @@ fn a_function_gets_the_recorded_steering_and_may_return_a_number() {
         local seen_steering = {}
         local result = pdk.evaluate({
             dataset = pdk.path("drive"),
-            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "tract" },
+            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "pdk" },
             task = { kind = "function", score = function(seen)
                 seen_steering[seen.name] = seen.recorded.steering
                 return math.abs(seen.outputs.scores.values[1] - seen.recorded.steering)

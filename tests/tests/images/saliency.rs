@@ -27,7 +27,7 @@ fn maps_are_written_by_cell_and_by_pixel_with_a_picture_of_each() {
     let saliency = |more: &[&str]| {
         Pdk::new(["saliency"])
             .arg(&image)
-            .args(["--driver", "dave2,engine=tract", "-o"])
+            .args(["--driver", "dave2,engine=pdk", "-o"])
             .arg(&maps)
             .args(more)
     };
@@ -108,7 +108,7 @@ fn the_frames_of_a_dataset_are_mapped_and_methods_are_compared() {
         .arg(&drive)
         .args([
             "--driver",
-            "dave2,engine=tract",
+            "dave2,engine=pdk",
             "--count",
             "3",
             "--with",
@@ -263,7 +263,7 @@ fn unusual_networks_work_or_say_why_not() {
     pictures::write(&image, 64, 48);
     let file = dir.path().join("network.onnx");
     let saliency = || {
-        let driver = format!("onnx,engine=tract,model={}", file.display());
+        let driver = format!("onnx,engine=pdk,model={}", file.display());
         Pdk::new(["saliency"])
             .arg(&image)
             .args(["--with", "hirescam", "--with", "gradient", "--driver", &driver, "-o"])
@@ -339,7 +339,7 @@ fn a_perturbation_is_limited_to_what_a_map_marks() {
         original.pixels().zip(perturbed.pixels()).map(|(a, b)| a != b).collect::<Vec<_>>()
     };
     let count = |pixels: &[bool]| pixels.iter().filter(|changed| **changed).count();
-    let by = r#""by":"gradient,model=dave2,engine=tract""#;
+    let by = r#""by":"gradient,model=dave2,engine=pdk""#;
     let top = changed(&format!(r#"{{"top":20,{by}}}"#), "0");
     let bottom = changed(&format!(r#"{{"bottom":80,{by}}}"#), "0");
     assert_eq!((count(&top), count(&bottom)), (320 * 160 / 5, 320 * 160 * 4 / 5));
@@ -375,7 +375,7 @@ fn heat_maps_stand_beside_the_frames_of_clips_and_reports() {
         assert!(out.join("scenarios.jsonl").exists());
         out
     };
-    let network = record(r#"{"name":"dave2","engine":"tract"}"#);
+    let network = record(r#"{"name":"dave2","engine":"pdk"}"#);
     let page = |out: &Path, more: &[&str]| {
         let said = Pdk::new(["report"]).arg(out).args(more).succeed();
         (std::fs::read_to_string(out.join("report.html")).unwrap(), said.stderr)

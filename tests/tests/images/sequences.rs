@@ -55,7 +55,7 @@ fn a_network_remembers_the_frames_of_its_sequence_on_any_number_of_workers() {
         folder.path(),
         r#"
         pdk.show(pdk.evaluate({
-            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "tract" },
+            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "pdk" },
             -- Does not change what is grey, up to rounding.
             perturbations = { "grayscale_filter", "increase_brightness" }, levels = { 0, 4 },
         }))
@@ -102,7 +102,7 @@ fn a_network_with_another_preprocessing_is_not_ranked() {
             .arg(folder.path().join(name))
             .set("dataset", folder.path().join("data").display())
             .set("model", folder.path().join("pilot.onnx").display())
-            .set("driver.engine", "tract")
+            .set("driver.engine", "pdk")
             .set("driver.scale", "0..255")
             .set("perturbations", "gaussian_noise")
             .set("levels", "1")
@@ -140,7 +140,7 @@ fn what_shows_earlier_frames_has_them_on_any_number_of_workers() {
         folder.path(),
         r#"
         pdk.evaluate({
-            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "tract" },
+            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "pdk" },
             perturbations = { "frozen_frames", "reordered_frames" }, levels = { 3 },
         })
         "#,

@@ -32,7 +32,7 @@ fn classes(folder: &Path) {
 const CLASSIFICATION: &str = r#"
     pdk.show(pdk.evaluate({
         dataset = pdk.path("data"),
-        predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "tract" },
+        predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "pdk" },
         task = { kind = "classification", classes = { "red", "green", "blue" },
             baseline = { name = "a plain one", clean = 0.1, errors = { gaussian_noise = 0.5, impulse_noise = 0.4 } } },
         perturbations = { "gaussian_noise", "impulse_noise" }, levels = { 0, 1, 2, 3, 4 },
@@ -87,7 +87,7 @@ fn a_function_of_the_pipeline_is_a_metric() {
         r#"
         local result = pdk.evaluate({
             dataset = pdk.path("data"),
-            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "tract" },
+            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "pdk" },
             task = { kind = "function", labels = { ["red/00.png"] = "red" }, score = function(seen)
                 local scores = seen.outputs.scores
                 assert(#scores.values == 3 and scores.shape[2] == 3 and seen.width == 8)
@@ -97,7 +97,7 @@ fn a_function_of_the_pipeline_is_a_metric() {
         })
         pdk.show(result)
         local ok, said = pcall(pdk.evaluate, { dataset = pdk.path("data"), predictor = { name = "network",
-            model = pdk.path("colours.onnx"), engine = "tract" }, perturbations = { "contrast" }, levels = { 1 },
+            model = pdk.path("colours.onnx"), engine = "pdk" }, perturbations = { "contrast" }, levels = { 1 },
             task = { kind = "function", score = function() return "good" end } })
         pdk.save("said.json", { ok = ok, said = tostring(said) })
         "#,
@@ -151,7 +151,7 @@ fn precisions_of_a_detector_are_those_of_coco() {
         r#"
         pdk.show(pdk.evaluate({
             dataset = { name = "pictures", path = pdk.path("data") },
-            predictor = { name = "network", model = pdk.path("boxes.onnx"), scale = "0..1", engine = "tract" },
+            predictor = { name = "network", model = pdk.path("boxes.onnx"), scale = "0..1", engine = "pdk" },
             task = { kind = "detection", labels = pdk.path("labels.json"), corners = false },
             perturbations = { "gaussian_noise", "increase_brightness" }, levels = { 1, 4 },
         }))

@@ -325,7 +325,7 @@ fn the_version_says_what_computes() {
     let line = |name: &str| long.lines().find_map(|line| line.strip_prefix(&format!("{name}: ")));
     assert!(line("instructions").is_some_and(|text| !text.is_empty()), "{long}");
     // As a scenario records it.
-    assert!(line("engine").is_some_and(|text| text.starts_with("tract ") && text.contains('/')), "{long}");
+    assert!(line("engine").is_some_and(|text| text.starts_with("pdk ")), "{long}");
     let interface = line("plugin interface").and_then(|text| text.split_once(", SDK "));
     let (interface, sdk) = interface.unwrap_or_else(|| panic!("{long}"));
     assert!(interface.parse::<u64>().is_ok() && sdk.split('.').count() == 3, "{long}");

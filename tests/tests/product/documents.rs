@@ -271,7 +271,7 @@ fn headings(text: &str) -> Vec<String> {
 fn the_failures_in_the_documents_fail() {
     let folder = temp();
     // `auto` is ONNX Runtime if it is installed.
-    for engine in ["tract", "auto"] {
+    for engine in ["pdk", "auto"] {
         for name in ["fog_filter", "grayscale_filter", "false_color_filter"] {
             let out = folder.path().join(format!("{name}-{engine}"));
             let pipeline = repository().join(format!("docs/failures/{name}.lua"));

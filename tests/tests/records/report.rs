@@ -320,7 +320,7 @@ fn a_task_that_was_killed_has_the_numbers_of_its_lines() {
     onnx::colours(&folder.path().join("colours.onnx"), 8, 8);
     let source = r#"
         pdk.evaluate({ dataset = pdk.path("data"),
-            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "tract" },
+            predictor = { name = "network", model = pdk.path("colours.onnx"), scale = "0..1", engine = "pdk" },
             task = { kind = "classification", classes = { "red", "green", "blue" } },
             perturbations = { "gaussian_noise", "contrast" }, levels = { 0, 1, 2, 3, 4 } })
     "#;

@@ -286,7 +286,7 @@ fn an_offline_evaluation_is_the_same_on_any_number_of_workers() {
         r#"
         pdk.evaluate({
             dataset = pdk.path("tub"),
-            driver = { name = "onnx", model = pdk.path("pilot.onnx"), engine = "tract" },
+            driver = { name = "onnx", model = pdk.path("pilot.onnx"), engine = "pdk" },
             perturbations = { "gaussian_noise", "motion_blur", "dirty_lens", "banding", "poisson_noise" },
             levels = { 0, 2.5, 4 },
         })

@@ -255,7 +255,7 @@ fn what_a_verification_lacks_is_named() {
     fs::write(&suite, &text).unwrap();
     // Another machine.
     forge(&out.join("verdict.json"), |verdict| {
-        verdict.new.component.parameters.insert("engine".to_owned(), "tract 0.0.0/abacus".into());
+        verdict.new.component.parameters.insert("engine".to_owned(), "onnxruntime 0.0.0/abacus".into());
     });
     verify().fail(1, &["cannot be verified on this machine, because it computes networks differently"]);
 }

@@ -46,8 +46,8 @@ mod tests {
             let named = Named::of(&drivers);
             drivers.iter().map(|driver| named.name(driver)).collect::<Vec<_>>()
         };
-        assert_eq!(names(&["a,engine=tract", "b,gain=2", "c,engine=tract"]), ["a", "b (gain=2)", "c"]);
-        assert_eq!(names(&["a,engine=tract", "b,engine=other"]), ["a (engine=tract)", "b (engine=other)"]);
+        assert_eq!(names(&["a,engine=pdk", "b,gain=2", "c,engine=pdk"]), ["a", "b (gain=2)", "c"]);
+        assert_eq!(names(&["a,engine=pdk", "b,engine=other"]), ["a (engine=pdk)", "b (engine=other)"]);
         // The same network, run by what pdk picks and by what the user names.
         assert_eq!(names(&["a", "a,engine=other"]), ["a", "a (engine=other)"]);
     }

@@ -29,9 +29,9 @@ mod tests {
     fn a_network_drives_as_the_file_that_it_was_made_from() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/dave2.onnx");
         let given =
-            Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "tract".into())]);
+            Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "pdk".into())]);
         let mut from_file = Onnx::new(&Config::check(&Onnx::description(), &given).unwrap()).unwrap();
-        let given = Map::from_iter([("engine".to_owned(), "tract".into())]);
+        let given = Map::from_iter([("engine".to_owned(), "pdk".into())]);
         let mut own = Dave2::new(&Config::check(&Dave2::description(), &given).unwrap()).unwrap();
         let pixels = (0..320 * 160 * 3).map(|i| (i * 31 % 251) as u8).collect();
         let frame = FrameBuf::from_vec(pixels, 320, 160).unwrap();
@@ -47,7 +47,7 @@ mod tests {
             "{error}"
         );
         let assuming = |speed: Value| {
-            let given = Map::from_iter([("speed".to_owned(), speed), ("engine".to_owned(), "tract".into())]);
+            let given = Map::from_iter([("speed".to_owned(), speed), ("engine".to_owned(), "pdk".into())]);
             Dave2::new(&Config::check(&Dave2::description(), &given).unwrap())
         };
         assert_eq!(assuming(json!(7)).unwrap().drive(frame.as_ref(), &unknown).unwrap(), expected);

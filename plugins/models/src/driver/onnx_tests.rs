@@ -16,10 +16,10 @@ fn open(given: Value) -> Result<Onnx> {
 /// The engines to test; ONNX Runtime if it is found.
 fn engines() -> Vec<&'static str> {
     match Search::from_environment().find().unwrap() {
-        Some(_) => vec!["tract", "onnxruntime"],
+        Some(_) => vec!["pdk", "onnxruntime"],
         None => {
             println!("skipped for onnxruntime: it is not installed");
-            vec!["tract"]
+            vec!["pdk"]
         }
     }
 }
@@ -102,7 +102,7 @@ fn what_a_network_remembers_comes_back_with_the_next_frame() {
     let two =
         Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..Pilot::new(&["1", "3", "4", "6"]) };
     let file = two.file();
-    let error = open(json!({"model": file.path(), "engine": "tract"})).err().unwrap().to_string();
+    let error = open(json!({"model": file.path(), "engine": "pdk"})).err().unwrap().to_string();
     assert!(error.contains("its output `sum_out` has 2 values, but the input `sum_in`"), "{error}");
     let alone = Pilot { second_input: Some("sum_in"), ..Pilot::new(&["1", "3", "4", "6"]) };
     let file = alone.file();
@@ -211,7 +211,7 @@ fn a_damaged_model_is_an_error_or_a_driver_but_never_a_panic() {
             let mut bytes = whole.clone();
             bytes[position] ^= 1 << bit;
             std::fs::write(file.path(), bytes).unwrap();
-            refused += usize::from(open(json!({"model": file.path(), "engine": "tract"})).is_err());
+            refused += usize::from(open(json!({"model": file.path(), "engine": "pdk"})).is_err());
         }
     }
     assert!(refused > 500, "{refused}");
@@ -257,8 +257,8 @@ fn a_real_model_steers_a_real_drive() {
         }
         steering.push(controls.iter().map(|control| control.steering).collect());
     }
-    if let [tract, onnxruntime] = steering.as_slice() {
-        let largest = tract.iter().zip(onnxruntime).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    if let [pdk, onnxruntime] = steering.as_slice() {
+        let largest = pdk.iter().zip(onnxruntime).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         println!("the engines differ by at most {largest:.2e}");
         assert!(largest < 1e-4);
     }

@@ -107,7 +107,7 @@ mod tests {
     }
 
     fn config(file: &tempfile::NamedTempFile, classes: &Value) -> Config {
-        let given = json!({"model": file.path().to_str().unwrap(), "classes": classes, "engine": "tract"});
+        let given = json!({"model": file.path().to_str().unwrap(), "classes": classes, "engine": "pdk"});
         Config::check(&Segmentation::description(), given.as_object().unwrap()).unwrap()
     }
 

@@ -3,9 +3,8 @@
 use pdk_network::plan::Fill;
 use pdk_network::reason::{ASSUMED, assumptions};
 use pdk_network::{Eye, Given, Inputs, field};
+use pdk_onnx::proto::DimensionProto;
 use pdk_sdk::prelude::*;
-use tract_onnx::pb::tensor_shape_proto::dimension;
-use tract_onnx::pb::type_proto;
 
 use crate::engine;
 use crate::model_file::{self, ModelFile, Source};
@@ -102,10 +101,9 @@ impl Network {
 /// The shape of an output, from what the file declares and the number of its values.
 fn shape(model: &ModelFile, output: usize, count: usize) -> Vec<usize> {
     let declared = || {
-        let value = model.proto.graph.as_ref()?.output.get(output)?;
-        let type_proto::Value::TensorType(tensor) = value.r#type.as_ref()?.value.as_ref()?;
-        let side = |dim: &tract_onnx::pb::tensor_shape_proto::Dimension| match dim.value {
-            Some(dimension::Value::DimValue(length)) => usize::try_from(length).ok(),
+        let tensor = model.proto.graph.as_ref()?.output.get(output)?.tensor_type()?;
+        let side = |dim: &DimensionProto| match dim.dim_value {
+            Some(length) => usize::try_from(length).ok(),
             // The batch is one frame.
             _ => Some(1),
         };
@@ -149,7 +147,7 @@ mod tests {
 
     fn network(path: &std::path::Path) -> Network {
         let given: Map<String, Value> =
-            json!({"model": path, "engine": "tract", "scale": "0..1"}).as_object().unwrap().clone();
+            json!({"model": path, "engine": "pdk", "scale": "0..1"}).as_object().unwrap().clone();
         Network::new(&Config::check(&Network::description(), &given).unwrap()).unwrap()
     }
 

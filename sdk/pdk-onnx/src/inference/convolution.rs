@@ -6,7 +6,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, single};
 use super::lanes::LANES;
-use super::planar::{self, Row};
+use super::planar::{self, Row, Rows};
 use super::product::{self, Packed, Place};
 use crate::operators::{conv, conv_transpose};
 use crate::site::Site;
@@ -48,7 +48,7 @@ struct Part {
 /// Where the outputs are.
 enum Places {
     Each(Vec<Place>),
-    Rows(Vec<Row>, usize),
+    Rows(Rows),
 }
 
 enum Weights {
@@ -154,7 +154,7 @@ impl Convolution {
             }
             to += 1;
         });
-        let places = if by_rows { Places::Rows(rows, width) } else { Places::Each(places) };
+        let places = if by_rows { Places::Rows(Rows { rows, width, step: 1 }) } else { Places::Each(places) };
         let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
         let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
         let plane = window.output.iter().product();
@@ -205,7 +205,7 @@ impl Convolution {
                 let distance = reach.checked_sub(phase[axis])?;
                 (distance % window.strides[axis] == 0).then(|| before[axis] - distance / window.strides[axis])
             };
-            let places = Places::Each(places.next().unwrap_or_default());
+            let places = by_rows(places.next().unwrap_or_default(), filters, window.strides[axes - 1]);
             parts.push(Part::new(&layout, depth, &window.kernel, places, tap));
         });
         let parts = parts.into_iter().collect::<Result<_>>()?;
@@ -280,7 +280,7 @@ impl Convolution {
                             weight,
                             start,
                         )),
-                        Places::Rows(..) => {
+                        Places::Rows(_) => {
                             Weights::Places(planar::Weights::new(filters, elements.len(), weight, start))
                         }
                     }
@@ -332,6 +332,26 @@ impl Part {
     }
 }
 
+/// Places as rows, where lanes are better those than outputs: if there are few outputs and all rows are wide. `step` is how far apart the
+/// outputs of neighbouring places are.
+fn by_rows(places: Vec<Place>, filters: usize, step: usize) -> Places {
+    if filters >= LANES {
+        return Places::Each(places);
+    }
+    let follows = |before: &Place, after: &Place| {
+        after.from == before.from + 1 && after.to as usize == before.to as usize + step
+    };
+    let rows: Vec<&[Place]> = places.chunk_by(follows).collect();
+    let width = rows.first().map_or(0, |row| row.len());
+    match width >= LANES && rows.iter().all(|row| row.len() == width) {
+        true => {
+            let rows = rows.iter().map(|row| Row { from: row[0].from, to: row[0].to }).collect();
+            Places::Rows(Rows { rows, width, step })
+        }
+        false => Places::Each(places),
+    }
+}
+
 impl Operation for Convolution {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let image = single(inputs, 0)?;
@@ -363,8 +383,8 @@ impl Operation for Convolution {
                     (Weights::Outputs(packed), Places::Each(places)) => {
                         product::sum(input, packed, &part.taps, places, plane, into);
                     }
-                    (Weights::Places(weights), Places::Rows(rows, width)) => {
-                        planar::sum(input, weights, &part.taps, (rows, *width), plane, into);
+                    (Weights::Places(weights), Places::Rows(rows)) => {
+                        planar::sum(input, weights, &part.taps, rows, plane, into);
                     }
                     _ => {
                         return Err(Error::new(

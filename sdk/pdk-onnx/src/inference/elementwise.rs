@@ -8,7 +8,7 @@ use pdk_sdk::error::Result;
 use super::buffer::{Buffer, Operation, single};
 use crate::operators::functions;
 use crate::site::Site;
-use crate::tensor::broadcast;
+use crate::tensor::{Element, broadcast};
 
 /// A function of one number.
 pub struct Unary(Function);
@@ -25,6 +25,7 @@ enum Function {
     Floor,
     Ceil,
     Reciprocal,
+    Same,
 }
 
 impl Unary {
@@ -51,6 +52,8 @@ impl Unary {
             "Floor" => Function::Floor,
             "Ceil" => Function::Ceil,
             "Reciprocal" => Function::Reciprocal,
+            // Every type of at most 16 bits is contained in 32-bit floats.
+            "Cast" if site.fact_of_output()?.element == Element::FLOAT => Function::Same,
             _ => return Ok(None),
         })))
     }
@@ -76,6 +79,7 @@ impl Operation for Unary {
             Function::Floor => each(input, into, |x| if round(x) > x { round(x) - 1.0 } else { round(x) }),
             Function::Ceil => each(input, into, |x| if round(x) < x { round(x) + 1.0 } else { round(x) }),
             Function::Reciprocal => each(input, into, |x| 1.0 / x),
+            Function::Same => into.copy_from_slice(input),
         }
         Ok(())
     }
@@ -105,6 +109,11 @@ enum Pair {
     Div,
     Max,
     Min,
+    Greater,
+    GreaterOrEqual,
+    Less,
+    LessOrEqual,
+    Equal,
 }
 
 impl Binary {
@@ -120,6 +129,11 @@ impl Binary {
             ("Div", _) => Pair::Div,
             ("Max", 2) => Pair::Max,
             ("Min", 2) => Pair::Min,
+            ("Greater", _) => Pair::Greater,
+            ("GreaterOrEqual", _) => Pair::GreaterOrEqual,
+            ("Less", _) => Pair::Less,
+            ("LessOrEqual", _) => Pair::LessOrEqual,
+            ("Equal", _) => Pair::Equal,
             _ => return Ok(None),
         };
         let (a, b) = (site.shape(0)?, site.shape(1)?);
@@ -201,6 +215,11 @@ impl Operation for Binary {
             Pair::Div => self.apply(left, right, into, |a, b| a / b),
             Pair::Max => self.apply(left, right, into, |a, b| if b > a { b } else { a }),
             Pair::Min => self.apply(left, right, into, |a, b| if b < a { b } else { a }),
+            Pair::Greater => self.apply(left, right, into, |a, b| f32::from(a > b)),
+            Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| f32::from(a >= b)),
+            Pair::Less => self.apply(left, right, into, |a, b| f32::from(a < b)),
+            Pair::LessOrEqual => self.apply(left, right, into, |a, b| f32::from(a <= b)),
+            Pair::Equal => self.apply(left, right, into, |a, b| f32::from(a == b)),
         }
         Ok(())
     }

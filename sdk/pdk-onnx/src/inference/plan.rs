@@ -43,6 +43,18 @@ pub fn program(graph: Graph) -> Result<Program> {
     };
     let inputs = graph.inputs().map(|name| plan.value(name)).collect::<Result<Vec<_>>>()?;
     let needed = graph.needed(&outputs, &HashSet::new());
+    let mut unknown: Vec<&str> = graph
+        .nodes()
+        .iter()
+        .zip(&needed)
+        .filter(|(node, needed)| **needed && operators::find(node).is_none())
+        .map(|(node, _)| node.op_type.as_str())
+        .collect();
+    unknown.sort_unstable();
+    unknown.dedup();
+    if !unknown.is_empty() {
+        return Err(Error::new(format!("these operators are not known: {}", unknown.join(", "))));
+    }
     let mut steps = Vec::new();
     for (place, node) in graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]) {
         let step = plan.step(place).map_err(|error| match error.to_string().starts_with("node `") {
@@ -302,7 +314,15 @@ fn operation(
         if let Some(unary) = Unary::new(site)? {
             return Ok(Box::new(unary));
         }
-        if let Some(binary) = Binary::new(site)? {
+    }
+    let floats = computed.iter().all(|element| element.is_float());
+    if all(is_single) && in_single(0) && in_single(1) {
+        if node.op_type == "Cast"
+            && let Some(unary) = Unary::new(site)?
+        {
+            return Ok(Box::new(unary));
+        }
+        if floats && let Some(binary) = Binary::new(site)? {
             return Ok(Box::new(binary));
         }
     }

@@ -16,6 +16,17 @@ pub struct Row {
     pub to: u32,
 }
 
+/// How the rows of a sum lie.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rows {
+    /// The rows.
+    pub rows: Vec<Row>,
+    /// The places of each, at least as many as there are lanes.
+    pub width: usize,
+    /// How far apart the outputs of neighbouring places are.
+    pub step: usize,
+}
+
 /// The weights of all outputs.
 #[derive(Debug, Clone, Default)]
 pub struct Weights {
@@ -46,34 +57,26 @@ impl Weights {
     }
 }
 
-/// Computes rows of `width` places, at least as many as there are lanes. The outputs of a place lie `apart` from each other.
+/// Computes rows of places. The outputs of a place lie `apart` from each other.
 ///
 /// # Panics
 /// If a row with a tap leaves the input, or an output the result.
-pub fn sum(
-    input: &[f32],
-    weights: &Weights,
-    taps: &[u32],
-    (rows, width): (&[Row], usize),
-    apart: usize,
-    into: &mut [f32],
-) {
+pub fn sum(input: &[f32], weights: &Weights, taps: &[u32], rows: &Rows, apart: usize, into: &mut [f32]) {
     let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map_or(0, |value| value as usize);
-    let last = farthest(&mut rows.iter().map(|row| row.from)) + farthest(&mut taps.iter().copied());
+    let last = farthest(&mut rows.rows.iter().map(|row| row.from)) + farthest(&mut taps.iter().copied());
     assert!(
-        width >= LANES && (rows.is_empty() || last + width <= input.len()),
+        rows.width >= LANES && (rows.rows.is_empty() || last + rows.width <= input.len()),
         "a tap lies outside the input"
     );
     assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
-    dispatch(Sums { input, weights, taps, rows, width, apart, into });
+    dispatch(Sums { input, weights, taps, rows, apart, into });
 }
 
 struct Sums<'a> {
     input: &'a [f32],
     weights: &'a Weights,
     taps: &'a [u32],
-    rows: &'a [Row],
-    width: usize,
+    rows: &'a Rows,
     apart: usize,
     into: &'a mut [f32],
 }
@@ -81,15 +84,16 @@ struct Sums<'a> {
 impl Sums<'_> {
     #[inline(always)]
     fn rows<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize) {
-        for row in self.rows {
+        let width = self.rows.width;
+        for row in &self.rows.rows {
             let mut at = 0;
-            while at + VECTORS * LANES <= self.width {
+            while at + VECTORS * LANES <= width {
                 self.tile::<L, OUTPUTS, VECTORS>(first, row, at);
                 at += VECTORS * LANES;
             }
-            while at < self.width {
+            while at < width {
                 // The last vector may cover places that are done: they become the same again.
-                at = at.min(self.width - LANES);
+                at = at.min(width - LANES);
                 self.tile::<L, OUTPUTS, 1>(first, row, at);
                 at += LANES;
             }
@@ -121,9 +125,18 @@ impl Sums<'_> {
             }
         }
         for (output, sums) in sums.iter().enumerate() {
-            let to = row.to as usize + (first + output) * self.apart + at;
+            let step = self.rows.step;
+            let to = row.to as usize + (first + output) * self.apart + at * step;
             for (vector, sum) in sums.iter().enumerate() {
-                self.into[to + vector * LANES..][..LANES].copy_from_slice(&sum.to_array());
+                let into = &mut self.into[to + vector * LANES * step..][..(LANES - 1) * step + 1];
+                match step {
+                    1 => into.copy_from_slice(&sum.to_array()),
+                    _ => into
+                        .iter_mut()
+                        .step_by(step)
+                        .zip(sum.to_array())
+                        .for_each(|(into, value)| *into = value),
+                }
             }
         }
     }
@@ -158,9 +171,8 @@ mod tests {
             let input = draw(1, height * length);
             let (weights, start) = (draw(2, outputs * taps), draw(3, outputs));
             let offsets: Vec<u32> = (0..taps as u32).collect();
-            let rows: Vec<Row> = (0..height)
-                .map(|row| Row { from: (row * length) as u32, to: (row * width) as u32 })
-                .collect();
+            let row = |row: usize| Row { from: (row * length) as u32, to: (row * width) as u32 };
+            let rows = Rows { rows: (0..height).map(row).collect(), width, step: 1 };
             let mut expected = vec![0.0; outputs * height * width];
             for (output, plane) in expected.chunks_mut(height * width).enumerate() {
                 for (at, value) in plane.iter_mut().enumerate() {
@@ -173,11 +185,11 @@ mod tests {
             }
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
             let mut found = vec![0.0; expected.len()];
-            sum(&input, &packed, &offsets, (&rows, width), height * width, &mut found);
+            sum(&input, &packed, &offsets, &rows, height * width, &mut found);
             assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide");
             found.fill(0.0);
             let (input, weights, taps, rows, apart) = (&input, &packed, &offsets, &rows, height * width);
-            Sums { input, weights, taps, rows, width, apart, into: &mut found }.with::<Portable>();
+            Sums { input, weights, taps, rows, apart, into: &mut found }.with::<Portable>();
             assert_eq!(found, expected, "{outputs} outputs, {} taps, {width} wide, portable", taps.len());
         }
     }
