@@ -12,6 +12,7 @@ pub mod gradient;
 pub mod graph;
 pub mod layers;
 pub mod model;
+mod number;
 pub mod objective;
 mod operators;
 pub mod proto;

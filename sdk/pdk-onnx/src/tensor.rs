@@ -4,6 +4,7 @@ use std::fmt;
 
 use pdk_sdk::error::{Error, Result};
 
+use crate::number;
 use crate::proto::TensorProto;
 
 /// The type of a tensor's elements, by its number in ONNX.
@@ -23,6 +24,10 @@ impl Element {
     pub const FLOAT16: Self = Self(10);
     /// 64-bit float.
     pub const DOUBLE: Self = Self(11);
+    /// 64-bit unsigned integer.
+    pub const UINT64: Self = Self(13);
+    /// The upper half of a 32-bit float.
+    pub const BFLOAT16: Self = Self(16);
 
     /// Whether elements are real numbers.
     pub fn is_float(self) -> bool {
@@ -172,7 +177,7 @@ impl Tensor {
             if proto.raw_data.len() != count * size {
                 return Err(contradiction(&shape, proto.raw_data.len() / size));
             }
-            proto.raw_data.chunks_exact(size).map(|bytes| number(element, bytes)).collect()
+            proto.raw_data.chunks_exact(size).map(|bytes| read(element, bytes)).collect()
         };
         if values.len() != count {
             return Err(contradiction(&shape, values.len()));
@@ -180,16 +185,17 @@ impl Tensor {
         Ok(Self { element, shape, values })
     }
 
-    /// Writes a constant. Types that are written: 32-bit and 64-bit floats, 64-bit and 32-bit integers, booleans.
+    /// The tensor with each element as its type holds it: 16-bit floats are rounded, and integers wrap or are limited.
+    pub(crate) fn fitted(mut self) -> Self {
+        if !matches!(self.element, Element::FLOAT | Element::DOUBLE) {
+            self.values.iter_mut().for_each(|value| *value = number::fit(self.element, *value));
+        }
+        self
+    }
+
+    /// Writes a constant.
     pub fn to_proto(&self, name: &str) -> TensorProto {
-        let values = self.values.iter().copied();
-        let raw_data = match self.element {
-            Element::DOUBLE => values.flat_map(f64::to_le_bytes).collect(),
-            Element::INT64 => values.flat_map(|value| (value as i64).to_le_bytes()).collect(),
-            Element::INT32 => values.flat_map(|value| (value as i32).to_le_bytes()).collect(),
-            Element::BOOL => values.map(|value| u8::from(value != 0.0)).collect(),
-            _ => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
-        };
+        let raw_data = self.values.iter().flat_map(|&value| number::bytes(self.element, value)).collect();
         TensorProto {
             name: name.to_owned(),
             dims: self.shape.iter().map(|&dim| dim as i64).collect(),
@@ -213,7 +219,7 @@ fn contradiction(shape: &[usize], found: usize) -> Error {
     Error::new(format!("it holds {found} numbers, which is not what its shape {} says", shape_text(shape)))
 }
 
-fn number(element: Element, b: &[u8]) -> f64 {
+fn read(element: Element, b: &[u8]) -> f64 {
     match (element.0, b) {
         (2 | 9, &[a]) => f64::from(a),
         (3, &[a]) => f64::from(a as i8),

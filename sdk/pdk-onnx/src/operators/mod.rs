@@ -4,6 +4,7 @@
 
 mod arithmetic;
 mod average_pool;
+mod cast;
 mod choice;
 mod concat;
 mod constants;
@@ -31,9 +32,10 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 21] = [
+static FAMILIES: &[&[Operator]] = &[
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
+    cast::OPERATORS,
     choice::OPERATORS,
     concat::OPERATORS,
     constants::OPERATORS,
