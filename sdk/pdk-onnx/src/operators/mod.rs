@@ -10,6 +10,7 @@ mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
+mod extremes;
 mod functions;
 mod gather;
 mod gelu;
@@ -41,6 +42,7 @@ static FAMILIES: &[&[Operator]] = &[
     constants::OPERATORS,
     conv::OPERATORS,
     conv_transpose::OPERATORS,
+    extremes::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
     gelu::OPERATORS,
