@@ -2,6 +2,7 @@
 //!
 //! An operator or a family of them has a file, with its rules and their tests.
 
+mod activations;
 mod arithmetic;
 mod average_pool;
 mod cast;
@@ -21,6 +22,7 @@ pub(crate) mod max_pool;
 mod normalization;
 mod operator;
 pub(crate) mod pad;
+mod rectifiers;
 mod reduce;
 pub(crate) mod resize;
 pub(crate) mod slice;
@@ -34,6 +36,7 @@ use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
 static FAMILIES: &[&[Operator]] = &[
+    activations::OPERATORS,
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     cast::OPERATORS,
@@ -52,6 +55,7 @@ static FAMILIES: &[&[Operator]] = &[
     max_pool::OPERATORS,
     normalization::OPERATORS,
     pad::OPERATORS,
+    rectifiers::OPERATORS,
     reduce::OPERATORS,
     resize::OPERATORS,
     slice::OPERATORS,
