@@ -16,6 +16,7 @@ mod functions;
 mod gather;
 mod gelu;
 mod gemm;
+mod hyperbolic;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
@@ -50,6 +51,7 @@ static FAMILIES: &[&[Operator]] = &[
     gather::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    hyperbolic::OPERATORS,
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
