@@ -17,6 +17,7 @@ mod gather;
 mod gelu;
 mod gemm;
 mod hyperbolic;
+mod integers;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
@@ -52,6 +53,7 @@ static FAMILIES: &[&[Operator]] = &[
     gelu::OPERATORS,
     gemm::OPERATORS,
     hyperbolic::OPERATORS,
+    integers::OPERATORS,
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
