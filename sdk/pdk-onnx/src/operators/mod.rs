@@ -26,6 +26,7 @@ mod operator;
 pub(crate) mod pad;
 mod rectifiers;
 mod reduce;
+mod reduce_norms;
 pub(crate) mod resize;
 pub(crate) mod slice;
 mod softmax;
@@ -61,6 +62,7 @@ static FAMILIES: &[&[Operator]] = &[
     pad::OPERATORS,
     rectifiers::OPERATORS,
     reduce::OPERATORS,
+    reduce_norms::OPERATORS,
     resize::OPERATORS,
     slice::OPERATORS,
     softmax::OPERATORS,
