@@ -16,9 +16,12 @@ mod functions;
 mod gather;
 mod gelu;
 mod gemm;
+mod group_normalization;
 mod hyperbolic;
 mod integers;
 pub(crate) mod layout;
+mod lp;
+mod lrn;
 mod matmul;
 pub(crate) mod max_pool;
 mod normalization;
@@ -53,9 +56,12 @@ static FAMILIES: &[&[Operator]] = &[
     gather::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    group_normalization::OPERATORS,
     hyperbolic::OPERATORS,
     integers::OPERATORS,
     layout::OPERATORS,
+    lp::OPERATORS,
+    lrn::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
     normalization::OPERATORS,

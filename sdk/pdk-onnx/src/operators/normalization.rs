@@ -24,7 +24,7 @@ fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
 }
 
-fn epsilon(site: &Site<'_>) -> f64 {
+pub fn epsilon(site: &Site<'_>) -> f64 {
     site.float("epsilon", 1e-5)
 }
 
@@ -87,7 +87,7 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 }
 
 /// The first of the axes that are normalised together.
-fn first_axis(site: &Site<'_>) -> Result<usize> {
+pub fn first_axis(site: &Site<'_>) -> Result<usize> {
     axis(site.int("axis", -1), site.shape(0)?.len())
 }
 
@@ -101,7 +101,7 @@ fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
 }
 
 /// The values with mean 0 and variance 1 over blocks of this many, and mean and inverse deviation of each block before.
-fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
+pub fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
     let mut result = x.clone();
     let mut moments = [Vec::new(), Vec::new()];
     for block in result.values.chunks_mut(block.max(1)) {
