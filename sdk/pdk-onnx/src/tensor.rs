@@ -185,6 +185,9 @@ impl Tensor {
                 _ => return Err(Error::new(format!("its elements are {element}, but have to be numbers"))),
             }
         } else if element.is_packed() {
+            if proto.raw_data.len() != count.div_ceil(2) {
+                return Err(contradiction(&shape, proto.raw_data.len() * 2));
+            }
             number::nibbles(element, proto.raw_data.iter().copied(), count)
         } else {
             let size = element
@@ -307,6 +310,8 @@ mod tests {
         assert!(error(&negative).contains("negative"));
         let huge = TensorProto { dims: vec![1 << 40, 1 << 40], data_type: 1, ..Default::default() };
         assert!(error(&huge).contains("too large"));
+        let packed = TensorProto { dims: vec![3], data_type: 22, raw_data: vec![0; 3], ..Default::default() };
+        assert_eq!(error(&packed), "it holds 6 numbers, which is not what its shape (3) says");
         let text =
             TensorProto { dims: vec![1], data_type: 8, string_data: vec![vec![65]], ..Default::default() };
         assert!(error(&text).contains("STRING"));

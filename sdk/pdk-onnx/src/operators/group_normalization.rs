@@ -3,10 +3,10 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::normalization::{epsilon, first_axis, standardize};
-use super::operator::{Operator, Rule, given, same};
+use super::operator::{Operator, Rule, check_broadcast, given, same};
 use super::reduce::fold;
 use crate::site::{Site, axes};
-use crate::tensor::{Tensor, broadcast, shape_text};
+use crate::tensor::{Tensor, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
@@ -86,15 +86,8 @@ fn evaluate_moments(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<T
 
 fn infer_rms(site: &Site<'_>) -> Result<Vec<Fact>> {
     first_axis(site)?;
-    let (shape, scale) = (site.shape(0)?, site.shape(1)?);
-    match broadcast(&[shape, scale])? == shape {
-        true => same(site),
-        false => Err(Error::new(format!(
-            "its factors {} do not go together with its input {}",
-            shape_text(scale),
-            shape_text(shape)
-        ))),
-    }
+    check_broadcast(site, 1)?;
+    same(site)
 }
 
 fn evaluate_rms(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
@@ -164,7 +157,7 @@ mod tests {
             assert!(!fault(21, "GroupNormalization", shapes, &groups(2)).is_empty());
         }
         assert!(fault(13, "MeanVarianceNormalization", &[&[1, 2]], &[]).contains("outside the 2 axes"));
-        assert!(fault(23, "RMSNormalization", &[&[2], &[1, 2]], &[]).contains("do not go together"));
+        assert!(fault(23, "RMSNormalization", &[&[2], &[1, 2]], &[]).contains("does not go together"));
         assert!(fault(23, "RMSNormalization", &[&[2]], &[]).contains("its input 2 is missing"));
         assert!(fault(23, "RMSNormalization", &[&[], &[]], &[]).contains("outside the 0 axes"));
     }

@@ -123,6 +123,9 @@ mod tests {
         assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[]).contains("at least 1"));
         assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[kernel(&[4])]).contains("its window of 4 is larger"));
         assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[kernel(&[-1])]).contains("cannot be negative"));
+        assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[kernel(&[i64::MAX])]).contains("1073741824 at most"));
+        let pads = ("pads", Setting::Ints(&[1 << 30, 1 << 30]));
+        assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[kernel(&[1 << 30]), pads]).contains("is too large"));
         assert!(fault(18, "LpPool", &[&[1, 2, 3]], &[kernel(&[2]), p(0)]).contains("`p` is 0"));
     }
 }

@@ -2,12 +2,12 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::arithmetic::{self, binary, unbroadcast};
+use super::arithmetic::{binary, unbroadcast};
 use super::functions::{each, times};
-use super::operator::{Operator, Parts, Rule, same};
+use super::operator::{Operator, Parts, Rule, check_broadcast, same};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, shape_text};
+use crate::tensor::Tensor;
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
@@ -19,16 +19,8 @@ pub const OPERATORS: &[Operator] = &[
 ];
 
 fn infer_prelu(site: &Site<'_>) -> Result<Vec<Fact>> {
-    let facts = arithmetic::infer(site)?;
-    let (slope, shape) = (site.shape(1)?, site.shape(0)?);
-    match facts.iter().all(|fact| fact.shape == shape) {
-        true => Ok(facts),
-        false => Err(Error::new(format!(
-            "its slopes {} do not go together with its input {}",
-            shape_text(slope),
-            shape_text(shape)
-        ))),
-    }
+    check_broadcast(site, 1)?;
+    same(site)
 }
 
 fn evaluate_prelu(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
@@ -146,7 +138,7 @@ mod tests {
     #[test]
     fn damaged_models_are_refused() {
         let slopes = fault(13, "PRelu", &[&[1, 2], &[3, 1, 2]], &[]);
-        assert!(slopes.contains("its slopes (3, 1, 2) do not go together with its input (1, 2)"), "{slopes}");
+        assert!(slopes.contains("its input 2 of the shape (3, 1, 2) does not go together"), "{slopes}");
         assert!(fault(13, "PRelu", &[&[1, 2]], &[]).contains("its input 2 is missing"));
         assert!(fault(13, "Celu", &[&[2]], &[("alpha", Setting::Float(0.0))]).contains("its alpha is 0"));
         for operator in ["Selu", "ThresholdedRelu", "Shrink"] {
