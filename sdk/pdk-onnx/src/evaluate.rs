@@ -38,7 +38,7 @@ impl Graph {
                 (operator.shapes.evaluate)(&Site::new(&self.values, node), &inputs).place(describe(node))?;
             for (name, tensor) in node.output.iter().zip(outputs) {
                 if !names.contains(name.as_str()) {
-                    known.insert(name, Cow::Owned(tensor));
+                    known.insert(name, Cow::Owned(tensor.fitted()));
                 }
             }
         }

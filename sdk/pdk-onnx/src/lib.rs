@@ -13,6 +13,7 @@ pub mod graph;
 pub mod inference;
 pub mod layers;
 pub mod model;
+mod number;
 pub mod objective;
 mod operators;
 pub mod proto;

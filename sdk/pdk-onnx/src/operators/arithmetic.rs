@@ -48,7 +48,7 @@ fn sum_all(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
 }
 
 /// The gradients, each as large as what comes out, summed to the shape of what went in.
-fn unbroadcast(site: &Site<'_>, b: &mut Builder, gradients: Parts) -> Result<Parts> {
+pub fn unbroadcast(site: &Site<'_>, b: &mut Builder, gradients: Parts) -> Result<Parts> {
     let summed = gradients.into_iter().map(|(place, g)| Ok((place, b.sum_to(&g, site.shape(place)?)?)));
     summed.collect()
 }

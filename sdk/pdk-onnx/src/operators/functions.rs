@@ -86,7 +86,7 @@ fn tanh(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 }
 
 /// The logistic function.
-fn sigmoid(x: f64) -> f64 {
+pub fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + libm::exp(-x))
 }
 

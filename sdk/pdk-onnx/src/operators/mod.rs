@@ -2,24 +2,34 @@
 //!
 //! An operator or a family of them has a file, with its rules and their tests.
 
+mod activations;
 mod arithmetic;
 pub(crate) mod average_pool;
+mod cast;
 mod choice;
 mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
+mod extremes;
 pub(crate) mod functions;
 mod gather;
 mod gelu;
 mod gemm;
+mod group_normalization;
+mod hyperbolic;
+mod integers;
 pub(crate) mod layout;
+mod lp;
+mod lrn;
 pub(crate) mod matmul;
 pub(crate) mod max_pool;
 pub(crate) mod normalization;
 mod operator;
 pub(crate) mod pad;
+mod rectifiers;
 mod reduce;
+mod reduce_norms;
 pub(crate) mod resize;
 pub(crate) mod slice;
 mod softmax;
@@ -31,24 +41,34 @@ use crate::graph::{Graph, describe};
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 21] = [
+static FAMILIES: &[&[Operator]] = &[
+    activations::OPERATORS,
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
+    cast::OPERATORS,
     choice::OPERATORS,
     concat::OPERATORS,
     constants::OPERATORS,
     conv::OPERATORS,
     conv_transpose::OPERATORS,
+    extremes::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    group_normalization::OPERATORS,
+    hyperbolic::OPERATORS,
+    integers::OPERATORS,
     layout::OPERATORS,
+    lp::OPERATORS,
+    lrn::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
     normalization::OPERATORS,
     pad::OPERATORS,
+    rectifiers::OPERATORS,
     reduce::OPERATORS,
+    reduce_norms::OPERATORS,
     resize::OPERATORS,
     slice::OPERATORS,
     softmax::OPERATORS,

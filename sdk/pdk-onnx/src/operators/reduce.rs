@@ -57,14 +57,14 @@ fn reduced(site: &Site<'_>) -> Result<Vec<usize>> {
 }
 
 /// The shape in which reduced axes have the length 1.
-fn kept(site: &Site<'_>) -> Result<Vec<usize>> {
+pub fn kept(site: &Site<'_>) -> Result<Vec<usize>> {
     let reduced = reduced(site)?;
     let dims = site.shape(0)?.iter().enumerate();
     Ok(dims.map(|(axis, &dim)| if reduced.contains(&axis) { 1 } else { dim }).collect())
 }
 
 /// The shape in which all axes behind the channels have the length 1.
-fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
+pub fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
     if shape.len() < 3 {
         return Err(Error::new("its input has no spatial axes"));
@@ -72,7 +72,7 @@ fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis < 2 { dim } else { 1 }).collect())
 }
 
-fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+pub fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let fact = site.fact(0)?;
     if site.int("keepdims", 1) != 0 {
         return Ok(vec![Fact::new(fact.element, kept(site)?)]);
@@ -99,7 +99,7 @@ fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], kept: &[usize], sign: f6
 }
 
 /// Joins the elements that fall together in a shape whose reduced axes have the length 1.
-fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
+pub fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
     let mut folded = Tensor::filled(input.element, kept, start)?;
     let mut from = input.values.iter();
     crate::tensor::for_each_position(&input.shape, |at| {

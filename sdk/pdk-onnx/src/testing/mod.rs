@@ -173,6 +173,38 @@ fn check_weights(graph: &Graph, x: (&str, &Tensor), case: &str, place: &str) {
     }
 }
 
+/// The error of a model whose one operator has inputs of these shapes. What is declared about its output does not hide the damage.
+///
+/// # Panics
+/// If the model is computed.
+#[cfg(test)]
+pub(crate) fn fault(
+    opset: i64,
+    operator: &str,
+    shapes: &[&[usize]],
+    settings: &[(&str, Setting<'_>)],
+) -> String {
+    let mut sketch = Sketch::new(opset);
+    let names: Vec<_> = (0..shapes.len()).map(|place| format!("x{place}")).collect();
+    names.iter().zip(shapes).for_each(|(name, shape)| sketch.input(name, shape));
+    let names: Vec<_> = names.iter().map(String::as_str).collect();
+    sketch.node(operator, &names, "y", settings);
+    let tensors: Vec<_> =
+        shapes.iter().map(|shape| Tensor::filled(crate::Element::FLOAT, shape, 1.0).unwrap()).collect();
+    let given: Vec<_> = names.iter().copied().zip(&tensors).collect();
+    let mut model = sketch.model(&["y"]);
+    let error = Graph::new(model.clone()).and_then(|graph| {
+        graph.fact("y")?;
+        graph.evaluate(&given, &["y"])
+    });
+    model.graph.iter_mut().for_each(|graph| {
+        graph.value_info.push(crate::proto::ValueInfoProto::tensor("y", crate::Element::FLOAT.0, &[3]));
+    });
+    let declared = Graph::new(model).and_then(|graph| graph.evaluate(&given, &["y"]));
+    assert!(declared.is_err(), "{operator} of {shapes:?} is computed if its output is declared");
+    error.err().unwrap_or_else(|| panic!("{operator} of {shapes:?} is computed")).to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -51,7 +51,8 @@ fn tensors(folder: &Path, what: &str) -> Result<Vec<Tensor>> {
     files.take_while(|file| file.is_file()).map(|file| tensor(&file)).collect()
 }
 
-/// Whether two numbers are equal; `element` is the type that the case expects, to which values are not rounded here.
+/// Whether two numbers are equal; `element` is the type that the case expects. The files hold brain floats whose last bits were cut, but
+/// this crate rounds them to the nearest: a difference of one step.
 fn close(found: f64, expected: f64, element: Element) -> bool {
     let relative = if element.0 == BRAIN { 1.0 / 128.0 } else { RELATIVE };
     found == expected
