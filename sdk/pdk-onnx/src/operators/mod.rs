@@ -9,6 +9,7 @@ mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
+mod depth;
 mod functions;
 mod gather;
 mod gelu;
@@ -19,11 +20,14 @@ pub(crate) mod max_pool;
 mod normalization;
 mod operator;
 pub(crate) mod pad;
+mod positions;
 mod reduce;
 pub(crate) mod resize;
 pub(crate) mod slice;
 mod softmax;
 mod steps;
+mod tile;
+mod triangle;
 
 use pdk_sdk::error::Result;
 
@@ -31,7 +35,7 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 21] = [
+static FAMILIES: [&[Operator]; 24] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -39,6 +43,7 @@ static FAMILIES: [&[Operator]; 21] = [
     constants::OPERATORS,
     conv::OPERATORS,
     conv_transpose::OPERATORS,
+    depth::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
     gelu::OPERATORS,
@@ -53,6 +58,8 @@ static FAMILIES: [&[Operator]; 21] = [
     slice::OPERATORS,
     softmax::OPERATORS,
     steps::OPERATORS,
+    tile::OPERATORS,
+    triangle::OPERATORS,
 ];
 
 /// What is known about a node's operator; nothing if that is not one of these.

@@ -173,6 +173,16 @@ fn check_weights(graph: &Graph, x: (&str, &Tensor), case: &str, place: &str) {
     }
 }
 
+/// What a graph computes as `y` from constants alone.
+#[cfg(test)]
+pub(crate) fn computed(opset: i64, build: impl Fn(&mut Sketch)) -> Result<Tensor> {
+    let mut sketch = Sketch::new(opset);
+    build(&mut sketch);
+    let graph = Graph::new(sketch.model(&["y"]))?;
+    graph.fact("y")?;
+    Ok(graph.evaluate(&[], &["y"])?.swap_remove(0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
