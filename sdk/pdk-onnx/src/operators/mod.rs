@@ -12,17 +12,21 @@ pub(crate) mod conv_transpose;
 mod depth;
 mod functions;
 mod gather;
+mod gather_elements;
 mod gelu;
 mod gemm;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
 mod normalization;
+mod one_hot;
 mod operator;
 pub(crate) mod pad;
 mod positions;
 mod reduce;
 pub(crate) mod resize;
+mod scatter;
+mod sequence;
 pub(crate) mod slice;
 mod softmax;
 mod steps;
@@ -35,7 +39,7 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 24] = [
+static FAMILIES: [&[Operator]; 28] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -46,15 +50,19 @@ static FAMILIES: [&[Operator]; 24] = [
     depth::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
+    gather_elements::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
     normalization::OPERATORS,
+    one_hot::OPERATORS,
     pad::OPERATORS,
     reduce::OPERATORS,
     resize::OPERATORS,
+    scatter::OPERATORS,
+    sequence::OPERATORS,
     slice::OPERATORS,
     softmax::OPERATORS,
     steps::OPERATORS,
