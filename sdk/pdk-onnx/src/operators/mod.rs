@@ -5,11 +5,13 @@
 mod arithmetic;
 mod average_pool;
 mod choice;
+mod compress;
 mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
 mod depth;
+mod einsum;
 mod functions;
 mod gather;
 mod gather_elements;
@@ -26,10 +28,12 @@ mod positions;
 mod reduce;
 pub(crate) mod resize;
 mod scatter;
+mod selection;
 mod sequence;
 pub(crate) mod slice;
 mod softmax;
 mod steps;
+mod suppression;
 mod tile;
 mod triangle;
 
@@ -39,15 +43,17 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 28] = [
+static FAMILIES: [&[Operator]; 32] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
+    compress::OPERATORS,
     concat::OPERATORS,
     constants::OPERATORS,
     conv::OPERATORS,
     conv_transpose::OPERATORS,
     depth::OPERATORS,
+    einsum::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
     gather_elements::OPERATORS,
@@ -62,10 +68,12 @@ static FAMILIES: [&[Operator]; 28] = [
     reduce::OPERATORS,
     resize::OPERATORS,
     scatter::OPERATORS,
+    selection::OPERATORS,
     sequence::OPERATORS,
     slice::OPERATORS,
     softmax::OPERATORS,
     steps::OPERATORS,
+    suppression::OPERATORS,
     tile::OPERATORS,
     triangle::OPERATORS,
 ];
