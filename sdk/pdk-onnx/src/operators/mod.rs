@@ -2,6 +2,7 @@
 //!
 //! An operator or a family of them has a file, with its rules and their tests.
 
+mod affine_grid;
 mod arithmetic;
 mod average_pool;
 mod choice;
@@ -17,6 +18,7 @@ mod gather;
 mod gather_elements;
 mod gelu;
 mod gemm;
+mod grid_sample;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
@@ -27,6 +29,7 @@ pub(crate) mod pad;
 mod positions;
 mod reduce;
 pub(crate) mod resize;
+mod roi_align;
 mod scatter;
 mod selection;
 mod sequence;
@@ -43,7 +46,8 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 32] = [
+static FAMILIES: [&[Operator]; 35] = [
+    affine_grid::OPERATORS,
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -59,6 +63,7 @@ static FAMILIES: [&[Operator]; 32] = [
     gather_elements::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    grid_sample::OPERATORS,
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
@@ -67,6 +72,7 @@ static FAMILIES: [&[Operator]; 32] = [
     pad::OPERATORS,
     reduce::OPERATORS,
     resize::OPERATORS,
+    roi_align::OPERATORS,
     scatter::OPERATORS,
     selection::OPERATORS,
     sequence::OPERATORS,
