@@ -5,7 +5,9 @@
 mod affine_grid;
 mod arithmetic;
 mod average_pool;
+mod center_crop_pad;
 mod choice;
+mod col2im;
 mod compress;
 mod concat;
 mod constants;
@@ -22,6 +24,7 @@ mod grid_sample;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
+mod max_unpool;
 mod normalization;
 mod one_hot;
 mod operator;
@@ -46,11 +49,13 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 35] = [
+static FAMILIES: [&[Operator]; 38] = [
     affine_grid::OPERATORS,
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
+    center_crop_pad::OPERATORS,
     choice::OPERATORS,
+    col2im::OPERATORS,
     compress::OPERATORS,
     concat::OPERATORS,
     constants::OPERATORS,
@@ -67,6 +72,7 @@ static FAMILIES: [&[Operator]; 35] = [
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
+    max_unpool::OPERATORS,
     normalization::OPERATORS,
     one_hot::OPERATORS,
     pad::OPERATORS,
