@@ -1,14 +1,18 @@
 //! Positions in tensors, and integers of a limited width: what operators that move single elements have in common.
 
+use std::sync::Arc;
+
 use pdk_sdk::error::{Error, Result};
 
 use super::operator::given;
 use crate::site::Site;
-use crate::tensor::{Element, Tensor, shape_text};
+use crate::tensor::{Element, Tensor, elements, shape_text};
 
 /// The tensor at a place, which has to have the shape that the graph knows.
 pub fn taken<'a>(site: &Site<'_>, inputs: &[Option<&'a Tensor>], place: usize) -> Result<&'a Tensor> {
     let (tensor, shape) = (given(inputs, place)?, site.shape(place)?);
+    // A tensor without elements may have huge lengths beside the zero, and their products would overflow.
+    elements(&shape.iter().copied().filter(|&length| length > 0).collect::<Vec<_>>())?;
     if tensor.shape == shape && tensor.values.len() == shape.iter().product::<usize>() {
         return Ok(tensor);
     }
@@ -21,12 +25,15 @@ pub fn taken<'a>(site: &Site<'_>, inputs: &[Option<&'a Tensor>], place: usize) -
 }
 
 /// The elements of an input that decide the size of what comes out; nothing if it is left out.
-pub fn deciding(site: &Site<'_>, place: usize) -> Result<Option<std::sync::Arc<Tensor>>> {
-    site.constant(place).map_err(|error| {
-        Error::new(format!(
-            "the size of what it computes depends on values: {error}; run this network with the engine onnxruntime"
-        ))
-    })
+pub fn deciding(site: &Site<'_>, place: usize) -> Result<Option<Arc<Tensor>>> {
+    let Some(name) = site.optional(place) else { return Ok(None) };
+    match site.values.constant(name)? {
+        Some(tensor) => Ok(Some(tensor)),
+        None => Err(Error::new(format!(
+            "the size of what it computes depends on values: its input `{name}` has to be a constant, but is computed; run \
+             this network with the engine onnxruntime"
+        ))),
+    }
 }
 
 /// The one number that an input holds.
@@ -37,11 +44,11 @@ pub fn single(tensor: &Tensor, place: usize) -> Result<f64> {
     }
 }
 
-/// The distance between neighbours along each axis.
+/// The distance between neighbours along each axis. It has no meaning if there are no elements.
 pub fn strides(shape: &[usize]) -> Vec<usize> {
-    let mut strides = vec![1; shape.len()];
+    let mut strides = vec![1usize; shape.len()];
     for axis in (1..shape.len()).rev() {
-        strides[axis - 1] = strides[axis] * shape[axis];
+        strides[axis - 1] = strides[axis].wrapping_mul(shape[axis]);
     }
     strides
 }

@@ -3,7 +3,7 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule};
-use super::positions::{index, lengths, strides, taken};
+use super::positions::{deciding, index, lengths, strides, taken};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::Tensor;
@@ -14,7 +14,7 @@ pub const OPERATORS: &[Operator] = &[Operator::new("Tile", infer, evaluate, Rule
 /// How often the value is repeated along each axis.
 fn repeats(site: &Site<'_>) -> Result<Vec<usize>> {
     let rank = site.shape(0)?.len();
-    let list = site.constant(1)?.ok_or_else(|| Error::new("its input 2 is missing"))?.to_ints();
+    let list = deciding(site, 1)?.ok_or_else(|| Error::new("its input 2 is missing"))?.to_ints();
     match lengths(&list, "repeats")? {
         repeats if repeats.len() == rank => Ok(repeats),
         repeats => {

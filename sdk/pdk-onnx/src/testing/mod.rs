@@ -2,6 +2,8 @@
 
 mod cases;
 #[cfg(test)]
+mod damaged;
+#[cfg(test)]
 mod networks;
 #[cfg(test)]
 mod official;
