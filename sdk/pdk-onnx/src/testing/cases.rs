@@ -218,6 +218,11 @@ fn clip(s: &mut Sketch, low: Option<f64>, high: Option<f64>) {
     s.node("Clip", &["x", &low, &high], "y", &[]);
 }
 
+fn tile(s: &mut Sketch, repeats: &[i64]) {
+    let repeats = s.ints(repeats);
+    s.node("Tile", &["x", &repeats], "y", &[]);
+}
+
 fn upsample(s: &mut Sketch, mode: &str) {
     if s.opset() < 9 {
         let scales = crate::proto::AttributeProto {
@@ -639,4 +644,20 @@ pub const CASES: &[Case] = &[
         s.node("Transpose", &["x"], "y", &[("perm", Ints(&[0, 2, 3, 1]))])
     }),
     case("transpose/reversed", ALL, &[2, 3, 4], UNIT, |s| unary(s, "Transpose")),
+    case("depth_to_space", ALL, &[1, 8, 2, 3], UNIT, |s| {
+        s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2))])
+    }),
+    case("depth_to_space/crd", 11..=22, &[1, 8, 2, 3], UNIT, |s| {
+        s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2)), ("mode", Text("CRD"))])
+    }),
+    case("space_to_depth", ALL, &[1, 2, 4, 6], UNIT, |s| {
+        s.node("SpaceToDepth", &["x"], "y", &[("blocksize", Int(2))])
+    }),
+    case("tile", ALL, &[2, 1, 3], UNIT, |s| tile(s, &[1, 4, 2])),
+    case("tile/one_axis", ALL, &[5], UNIT, |s| tile(s, &[3])),
+    case("trilu", 14..=22, &[2, 3, 4], UNIT, |s| unary(s, "Trilu")),
+    case("trilu/lower", 14..=22, &[3, 4], UNIT, |s| {
+        let k = s.weights("k", Tensor { shape: Vec::new(), ..Tensor::ints(&[1]) });
+        s.node("Trilu", &["x", &k], "y", &[("upper", Int(0))]);
+    }),
 ];

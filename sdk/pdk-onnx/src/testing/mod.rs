@@ -2,6 +2,8 @@
 
 mod cases;
 #[cfg(test)]
+mod damaged;
+#[cfg(test)]
 mod networks;
 #[cfg(test)]
 mod official;
@@ -203,6 +205,16 @@ pub(crate) fn fault(
     let declared = Graph::new(model).and_then(|graph| graph.evaluate(&given, &["y"]));
     assert!(declared.is_err(), "{operator} of {shapes:?} is computed if its output is declared");
     error.err().unwrap_or_else(|| panic!("{operator} of {shapes:?} is computed")).to_string()
+}
+
+/// What a graph computes as `y` from constants alone.
+#[cfg(test)]
+pub(crate) fn computed(opset: i64, build: impl Fn(&mut Sketch)) -> Result<Tensor> {
+    let mut sketch = Sketch::new(opset);
+    build(&mut sketch);
+    let graph = Graph::new(sketch.model(&["y"]))?;
+    graph.fact("y")?;
+    Ok(graph.evaluate(&[], &["y"])?.swap_remove(0))
 }
 
 #[cfg(test)]

@@ -36,7 +36,10 @@ fn each_reason_is_named() {
         refusal(sketch(13, |s| s.node("Floor", &["x"], "y", &[])), "x"),
         "`y` does not change with `x`: its gradient is zero everywhere"
     );
-    let unknown = sketch(16, |s| s.node("GridSample", &["x", "x"], "y", &[]));
+    let unknown = sketch(16, |s| {
+        let grid = s.drawn(&[1, 3, 3, 2], -1.0, 1.0);
+        s.node("GridSample", &["x", &grid], "y", &[]);
+    });
     assert_eq!(refusal(unknown, "x"), "these operators have no gradient here: GridSample");
     assert_eq!(
         refusal(sketch(13, |s| s.node("Relu", &["q"], "y", &[])), "x"),
