@@ -29,6 +29,44 @@ impl Element {
         matches!(self.0, 1 | 10 | 11 | 16)
     }
 
+    /// Whether elements are whole numbers.
+    pub fn is_integer(self) -> bool {
+        self.bits().is_some()
+    }
+
+    /// The number of bits of an integer type, and whether it has a sign; nothing for other types.
+    fn bits(self) -> Option<(u32, bool)> {
+        Some(match self.0 {
+            2 => (8, false),
+            3 => (8, true),
+            4 => (16, false),
+            5 => (16, true),
+            6 => (32, true),
+            7 => (64, true),
+            12 => (32, false),
+            13 => (64, false),
+            21 => (4, false),
+            22 => (4, true),
+            _ => return None,
+        })
+    }
+
+    /// The element with the low bits of a whole number, which is what sums and products that overflow leave. The element of a type that
+    /// does not consist of integers is the number itself.
+    pub fn wrapped(self, value: i128) -> f64 {
+        let Some((bits, signed)) = self.bits() else { return value as f64 };
+        let low = value & ((1 << bits) - 1);
+        (if signed && low >> (bits - 1) != 0 { low - (1 << bits) } else { low }) as f64
+    }
+
+    /// The nearest element of an integer type to a whole number, 0 for what is not a number. Other types keep the number.
+    pub fn saturated(self, value: f64) -> f64 {
+        let Some((bits, signed)) = self.bits() else { return value };
+        let count = 1i128 << bits;
+        let low = if signed { -(count / 2) } else { 0 };
+        (value as i128).clamp(low, low + count - 1) as f64
+    }
+
     /// The number of bytes of an element; nothing for texts and rare types.
     fn bytes(self) -> Option<usize> {
         match self.0 {
@@ -58,6 +96,8 @@ impl fmt::Display for Element {
             12 => "UINT32",
             13 => "UINT64",
             16 => "BFLOAT16",
+            21 => "UINT4",
+            22 => "INT4",
             _ => "of a rare type",
         })
     }
@@ -154,7 +194,9 @@ impl Tensor {
         let element = Element(proto.data_type);
         let shape = dims(proto)?;
         let count = elements(&shape)?;
-        let values: Vec<f64> = if proto.raw_data.is_empty() {
+        let values: Vec<f64> = if matches!(element.0, 21 | 22) {
+            nibbles(proto, element, count)
+        } else if proto.raw_data.is_empty() {
             match element.0 {
                 1 => proto.float_data.iter().map(|&value| f64::from(value)).collect(),
                 11 => proto.double_data.clone(),
@@ -180,7 +222,8 @@ impl Tensor {
         Ok(Self { element, shape, values })
     }
 
-    /// Writes a constant. Types that are written: 32-bit and 64-bit floats, 64-bit and 32-bit integers, booleans.
+    /// Writes a constant. Types that are written: 32-bit and 64-bit floats, integers of 8 to 64 bits, booleans. Others become 32-bit
+    /// floats.
     pub fn to_proto(&self, name: &str) -> TensorProto {
         let values = self.values.iter().copied();
         let raw_data = match self.element {
@@ -188,6 +231,12 @@ impl Tensor {
             Element::INT64 => values.flat_map(|value| (value as i64).to_le_bytes()).collect(),
             Element::INT32 => values.flat_map(|value| (value as i32).to_le_bytes()).collect(),
             Element::BOOL => values.map(|value| u8::from(value != 0.0)).collect(),
+            Element(2) => values.map(|value| value as u8).collect(),
+            Element(3) => values.map(|value| value as i8 as u8).collect(),
+            Element(4) => values.flat_map(|value| (value as u16).to_le_bytes()).collect(),
+            Element(5) => values.flat_map(|value| (value as i16).to_le_bytes()).collect(),
+            Element(12) => values.flat_map(|value| (value as u32).to_le_bytes()).collect(),
+            Element(13) => values.flat_map(|value| (value as u64).to_le_bytes()).collect(),
             _ => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
         };
         TensorProto {
@@ -211,6 +260,19 @@ pub fn dims(proto: &TensorProto) -> Result<Vec<usize>> {
 
 fn contradiction(shape: &[usize], found: usize) -> Error {
     Error::new(format!("it holds {found} numbers, which is not what its shape {} says", shape_text(shape)))
+}
+
+/// Integers of 4 bits, two in each byte, the first in its low half.
+fn nibbles(proto: &TensorProto, element: Element, count: usize) -> Vec<f64> {
+    let bytes = proto.raw_data.iter().map(|&byte| i128::from(byte));
+    let bytes = bytes.chain(proto.int32_data.iter().map(|&byte| i128::from(byte)));
+    let halves = bytes.flat_map(|byte| [element.wrapped(byte), element.wrapped(byte >> 4)]);
+    // The last half of an odd number of elements is empty.
+    let mut values: Vec<f64> = halves.collect();
+    if values.len() == count + 1 {
+        values.pop();
+    }
+    values
 }
 
 fn number(element: Element, b: &[u8]) -> f64 {

@@ -1,6 +1,6 @@
 //! `Add`, `Sub`, `Mul`, `Div` and `Pow`, with shapes that are broadcast, and `Sum` of any number of values.
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
@@ -9,11 +9,26 @@ use crate::tensor::{Tensor, broadcast};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("Add", infer, |site, inputs| binary(site, inputs, |a, b| a + b), Rule::First(add)),
-    Operator::new("Sub", infer, |site, inputs| binary(site, inputs, |a, b| a - b), Rule::First(sub)),
-    Operator::new("Mul", infer, |site, inputs| binary(site, inputs, |a, b| a * b), Rule::First(mul)),
+    Operator::new(
+        "Add",
+        infer,
+        |site, inputs| exact(site, inputs, |a, b| a + b, i128::wrapping_add),
+        Rule::First(add),
+    ),
+    Operator::new(
+        "Sub",
+        infer,
+        |site, inputs| exact(site, inputs, |a, b| a - b, i128::wrapping_sub),
+        Rule::First(sub),
+    ),
+    Operator::new(
+        "Mul",
+        infer,
+        |site, inputs| exact(site, inputs, |a, b| a * b, i128::wrapping_mul),
+        Rule::First(mul),
+    ),
     Operator::new("Div", infer, divide, Rule::First(div)),
-    Operator::new("Pow", infer, |site, inputs| binary(site, inputs, libm::pow), Rule::First(pow)),
+    Operator::new("Pow", infer, power, Rule::First(pow)),
     Operator::new("Sum", infer, sum_all, Rule::First(sum)),
 ];
 
@@ -34,11 +49,51 @@ pub fn binary(
     Ok(vec![Tensor::from_fn(fact.element, &fact.shape, |at| f(a.broadcast_at(at), b.broadcast_at(at)))?])
 }
 
-fn divide(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    match given(inputs, 0)?.element.is_float() {
-        true => binary(site, inputs, |a, b| a / b),
-        false => binary(site, inputs, |a, b| (a / b).trunc()),
+/// Applies a function to each pair of numbers, and another one to each pair of integers, whose result wraps as their type does.
+fn exact(
+    site: &Site<'_>,
+    inputs: &[Option<&Tensor>],
+    f: impl Fn(f64, f64) -> f64,
+    whole: impl Fn(i128, i128) -> i128,
+) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    match element.is_integer() {
+        true => binary(site, inputs, |a, b| element.wrapped(whole(a as i128, b as i128))),
+        false => binary(site, inputs, f),
     }
+}
+
+fn divide(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let divisor = given(inputs, 1)?;
+    if divisor.element.is_integer() && divisor.values.contains(&0.0) {
+        return Err(Error::new("it divides an integer by 0; export the model with another divisor"));
+    }
+    exact(site, inputs, |a, b| a / b, |a, b| a.checked_div(b).unwrap_or_default())
+}
+
+fn power(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    if !element.is_integer() {
+        return binary(site, inputs, libm::pow);
+    }
+    // A power of an integer wraps as a product does. One with a negative or broken exponent is cut to an integer.
+    binary(site, inputs, |base, exponent| match exponent >= 0.0 && exponent.fract() == 0.0 {
+        true => element.wrapped(whole_power(base as i128, exponent as u64)),
+        false => element.saturated(libm::pow(base, exponent).trunc()),
+    })
+}
+
+/// The low bits of a power.
+fn whole_power(mut base: i128, mut exponent: u64) -> i128 {
+    let mut result = 1i128;
+    while exponent > 0 {
+        if exponent & 1 == 1 {
+            result = result.wrapping_mul(base);
+        }
+        base = base.wrapping_mul(base);
+        exponent >>= 1;
+    }
+    result
 }
 
 fn sum_all(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
@@ -129,7 +184,41 @@ fn pow(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{Sketch, check};
+
+    /// What an operator computes from two lists of integers.
+    fn computed(operator: &str, element: Element, a: &[f64], b: &[f64]) -> Result<Vec<f64>, String> {
+        let mut sketch = Sketch::new(13);
+        for (name, values) in [("a", a), ("b", b)] {
+            sketch.weights(name, Tensor { element, shape: vec![values.len()], values: values.to_vec() });
+        }
+        sketch.node(operator, &["a", "b"], "y", &[]);
+        let graph = Graph::new(sketch.model(&["y"])).unwrap();
+        let found = graph.evaluate(&[], &["y"]).map_err(|error| error.to_string())?;
+        Ok(found[0].values.clone())
+    }
+
+    #[test]
+    fn integers_wrap_and_division_cuts() {
+        let (byte, signed, int) = (Element(2), Element(3), Element::INT32);
+        for (operator, element, a, b, expected) in [
+            ("Add", byte, [200.0, 1.0], [100.0, 2.0], [44.0, 3.0]),
+            ("Sub", byte, [1.0, 5.0], [2.0, 5.0], [255.0, 0.0]),
+            ("Sub", signed, [-128.0, 5.0], [1.0, 5.0], [127.0, 0.0]),
+            ("Mul", signed, [64.0, -3.0], [2.0, 5.0], [-128.0, -15.0]),
+            ("Mul", int, [2147483647.0, 65536.0], [2147483647.0, 65537.0], [1.0, 65536.0]),
+            ("Div", int, [-7.0, 7.0], [2.0, -2.0], [-3.0, -3.0]),
+            ("Div", signed, [-128.0, 9.0], [-1.0, 3.0], [-128.0, 3.0]),
+            ("Pow", int, [3.0, 2.0], [19.0, 33.0], [1162261467.0, 0.0]),
+            ("Pow", int, [2.0, 1.0], [-1.0, -5.0], [0.0, 1.0]),
+        ] {
+            assert_eq!(computed(operator, element, &a, &b).unwrap(), expected, "{operator} of {element}");
+        }
+        let error = computed("Div", int, &[1.0], &[0.0]).unwrap_err();
+        assert!(error.contains("it divides an integer by 0"), "{error}");
+    }
 
     #[test]
     fn gradients_are_right_on_both_sides_and_through_broadcasts() {

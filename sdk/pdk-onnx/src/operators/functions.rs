@@ -15,10 +15,10 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new(
         "Neg",
         same,
-        |_, x| each(x, |x| -x),
+        |_, x| each_wrapped(x, |x| -x),
         Rule::First(|_, b, g| Ok(vec![(0, b.unary("Neg", g)?)])),
     ),
-    Operator::new("Abs", same, |_, x| each(x, f64::abs), Rule::First(abs)),
+    Operator::new("Abs", same, |_, x| each_wrapped(x, f64::abs), Rule::First(abs)),
     Operator::new("Exp", same, |_, x| each(x, libm::exp), Rule::First(exp)),
     Operator::new("Log", same, |_, x| each(x, libm::log), Rule::First(log)),
     Operator::new("Tanh", same, |_, x| each(x, libm::tanh), Rule::First(tanh)),
@@ -50,6 +50,12 @@ pub const OPERATORS: &[Operator] = &[
 pub fn each(inputs: &[Option<&Tensor>], f: impl Fn(f64) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
     Ok(vec![Tensor { values: input.values.iter().map(|&x| f(x)).collect(), ..input.clone() }])
+}
+
+/// Applies a function to each element. Integers wrap: the least one has no opposite.
+fn each_wrapped(inputs: &[Option<&Tensor>], f: impl Fn(f64) -> f64) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    each(inputs, |x| if element.is_integer() { element.wrapped(f(x) as i128) } else { f(x) })
 }
 
 /// The gradient times the slope of the function.

@@ -2,10 +2,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::matmul;
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, shape_text};
+use crate::tensor::{Tensor, broadcast, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("Gemm", infer, evaluate, Rule::First(gradient))];
@@ -24,7 +25,12 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     if inner != other {
         return Err(wrong());
     }
-    Ok(vec![Fact::new(site.fact(0)?.element, vec![rows, columns])])
+    let shape = vec![rows, columns];
+    if site.optional(2).is_some() && broadcast(&[&shape, site.shape(2)?])? != shape {
+        let (sum, product) = (shape_text(site.shape(2)?), shape_text(&shape));
+        return Err(Error::new(format!("its sum of the shape {sum} is larger than its product {product}")));
+    }
+    Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }
 
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
@@ -37,10 +43,12 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
         let product = |k: usize| {
             let left = if turned_a { a.values[k * a.shape[1] + at[0]] } else { a.values[at[0] * inner + k] };
             let right = if turned_b { b.values[at[1] * inner + k] } else { b.values[k * b.shape[1] + at[1]] };
-            left * right
+            (left, right)
         };
-        let sum: f64 = (0..inner).map(product).sum();
-        alpha * sum + c.map_or(0.0, |c| beta * c.broadcast_at(at))
+        let sum = matmul::sum_of_products(a.element, (0..inner).map(product));
+        let result = alpha * sum + c.map_or(0.0, |c| beta * c.broadcast_at(at));
+        // The sum of two integers wraps, as each of them does.
+        if a.element.is_integer() { a.element.wrapped(result as i128) } else { result }
     });
     Ok(vec![result?])
 }

@@ -18,7 +18,7 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new(
         "ReduceMean",
         infer,
-        |site, inputs| sum(site, inputs, share),
+        |site, inputs| sum(site, inputs, |count| count as f64),
         Rule::First(|s, b, g| spread(s, b, g, share)),
     ),
     Operator::new(
@@ -82,11 +82,14 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![Fact::new(fact.element, dims.map(|(_, &dim)| dim).collect())])
 }
 
-fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) -> Result<Vec<Tensor>> {
+fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], divisor: fn(usize) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
     let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| sum + value)?;
-    let weight = weight(input.values.len() / sums.values.len().max(1));
-    sums.values.iter_mut().for_each(|sum| *sum *= weight);
+    let divisor = divisor(input.values.len() / sums.values.len().max(1));
+    for sum in &mut sums.values {
+        let result = *sum / divisor;
+        *sum = if input.element.is_integer() { input.element.wrapped(result as i128) } else { result };
+    }
     Ok(vec![Tensor { shape: infer(site)?.swap_remove(0).shape, ..sums }])
 }
 
@@ -94,7 +97,8 @@ fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) ->
 fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], kept: &[usize], sign: f64) -> Result<Vec<Tensor>> {
     let further =
         |far: f64, value: f64| if (value - far) * sign > 0.0 || value.is_nan() { value } else { far };
-    let found = fold(given(inputs, 0)?, kept, f64::NEG_INFINITY * sign, further)?;
+    let input = given(inputs, 0)?;
+    let found = fold(input, kept, input.element.saturated(f64::NEG_INFINITY * sign), further)?;
     Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..found }])
 }
 
