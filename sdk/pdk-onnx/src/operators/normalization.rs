@@ -6,11 +6,11 @@ use super::conv;
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
 use crate::site::{Site, axis};
-use crate::tensor::{Tensor, for_each_position};
+use crate::tensor::{Tensor, for_each_position, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("BatchNormalization", same, evaluate_batch, Rule::First(gradient_batch)),
+    Operator::new("BatchNormalization", infer_batch, evaluate_batch, Rule::First(gradient_batch)),
     Operator::new("LayerNormalization", infer_layer, evaluate_layer, Rule::First(gradient_layer)),
     Operator::new("InstanceNormalization", same, evaluate_instance, Rule::First(gradient_instance)),
 ];
@@ -28,8 +28,33 @@ fn epsilon(site: &Site<'_>) -> f64 {
     site.float("epsilon", 1e-5)
 }
 
+/// Refuses what a model computes while it learns: before version 14 such a node has more outputs than one.
+fn check_inference(site: &Site<'_>) -> Result<()> {
+    let outputs = site.node.output.iter().filter(|name| !name.is_empty()).count();
+    match site.int("training_mode", 0) != 0 || site.opset() < 14 && outputs > 1 {
+        true => Err(Error::new("it is set to training; export the model for inference")),
+        false => Ok(()),
+    }
+}
+
+fn infer_batch(site: &Site<'_>) -> Result<Vec<Fact>> {
+    check_inference(site)?;
+    same(site)
+}
+
 fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    by_channel(site)?;
+    check_inference(site)?;
+    let by_channel = by_channel(site)?;
+    let channels = by_channel[1];
+    for place in 1..5 {
+        if given(inputs, place)?.shape != [channels] {
+            let found = shape_text(&given(inputs, place)?.shape);
+            let place = place + 1;
+            return Err(Error::new(format!(
+                "its input {place} has the shape {found}, but there are {channels} channels"
+            )));
+        }
+    }
     let (x, epsilon) = (given(inputs, 0)?, epsilon(site));
     let [scale, bias, mean, variance] =
         [given(inputs, 1)?, given(inputs, 2)?, given(inputs, 3)?, given(inputs, 4)?];
@@ -43,9 +68,7 @@ fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
 }
 
 fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    if site.int("training_mode", 0) != 0 {
-        return Err(Error::new("it is set to training; export the model for inference"));
-    }
+    check_inference(site)?;
     if site.int("spatial", 1) == 0 {
         return Err(Error::new(
             "it has factors for each pixel, which later versions of this operator do not have",
