@@ -19,6 +19,7 @@ pub(crate) mod max_pool;
 mod normalization;
 mod operator;
 pub(crate) mod pad;
+mod quantize;
 mod reduce;
 pub(crate) mod resize;
 pub(crate) mod slice;
@@ -31,7 +32,7 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 21] = [
+static FAMILIES: [&[Operator]; 22] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -48,6 +49,7 @@ static FAMILIES: [&[Operator]; 21] = [
     max_pool::OPERATORS,
     normalization::OPERATORS,
     pad::OPERATORS,
+    quantize::OPERATORS,
     reduce::OPERATORS,
     resize::OPERATORS,
     slice::OPERATORS,
