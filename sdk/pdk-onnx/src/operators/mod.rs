@@ -13,6 +13,7 @@ mod functions;
 mod gather;
 mod gelu;
 mod gemm;
+mod integer_products;
 pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
@@ -32,7 +33,7 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 22] = [
+static FAMILIES: [&[Operator]; 23] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -44,6 +45,7 @@ static FAMILIES: [&[Operator]; 22] = [
     gather::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    integer_products::OPERATORS,
     layout::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
