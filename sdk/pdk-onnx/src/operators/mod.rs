@@ -21,6 +21,8 @@ mod normalization;
 mod operator;
 pub(crate) mod pad;
 mod quantize;
+mod recurrent;
+mod recurrent_cells;
 mod reduce;
 pub(crate) mod resize;
 pub(crate) mod slice;
@@ -33,7 +35,7 @@ use crate::graph::Graph;
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 23] = [
+static FAMILIES: [&[Operator]; 24] = [
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
     choice::OPERATORS,
@@ -52,6 +54,7 @@ static FAMILIES: [&[Operator]; 23] = [
     normalization::OPERATORS,
     pad::OPERATORS,
     quantize::OPERATORS,
+    recurrent::OPERATORS,
     reduce::OPERATORS,
     resize::OPERATORS,
     slice::OPERATORS,
