@@ -6,6 +6,7 @@
 
 mod attributes;
 mod builder;
+mod element;
 mod evaluate;
 pub mod field;
 pub mod gradient;

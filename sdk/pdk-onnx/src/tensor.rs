@@ -29,48 +29,10 @@ impl Element {
         matches!(self.0, 1 | 10 | 11 | 16)
     }
 
-    /// Whether elements are whole numbers.
-    pub fn is_integer(self) -> bool {
-        self.bits().is_some()
-    }
-
-    /// The number of bits of an integer type, and whether it has a sign; nothing for other types.
-    fn bits(self) -> Option<(u32, bool)> {
-        Some(match self.0 {
-            2 => (8, false),
-            3 => (8, true),
-            4 => (16, false),
-            5 => (16, true),
-            6 => (32, true),
-            7 => (64, true),
-            12 => (32, false),
-            13 => (64, false),
-            21 => (4, false),
-            22 => (4, true),
-            _ => return None,
-        })
-    }
-
-    /// The element with the low bits of a whole number, which is what sums and products that overflow leave. The element of a type that
-    /// does not consist of integers is the number itself.
-    pub fn wrapped(self, value: i128) -> f64 {
-        let Some((bits, signed)) = self.bits() else { return value as f64 };
-        let low = value & ((1 << bits) - 1);
-        (if signed && low >> (bits - 1) != 0 { low - (1 << bits) } else { low }) as f64
-    }
-
-    /// The nearest element of an integer type to a whole number, 0 for what is not a number. Other types keep the number.
-    pub fn saturated(self, value: f64) -> f64 {
-        let Some((bits, signed)) = self.bits() else { return value };
-        let count = 1i128 << bits;
-        let low = if signed { -(count / 2) } else { 0 };
-        (value as i128).clamp(low, low + count - 1) as f64
-    }
-
     /// The number of bytes of an element; nothing for texts and rare types.
     fn bytes(self) -> Option<usize> {
         match self.0 {
-            2 | 3 | 9 => Some(1),
+            2 | 3 | 9 | 17..=20 => Some(1),
             4 | 5 | 10 | 16 => Some(2),
             1 | 6 | 12 => Some(4),
             7 | 11 | 13 => Some(8),
@@ -96,6 +58,10 @@ impl fmt::Display for Element {
             12 => "UINT32",
             13 => "UINT64",
             16 => "BFLOAT16",
+            17 => "FLOAT8E4M3FN",
+            18 => "FLOAT8E4M3FNUZ",
+            19 => "FLOAT8E5M2",
+            20 => "FLOAT8E5M2FNUZ",
             21 => "UINT4",
             22 => "INT4",
             _ => "of a rare type",
@@ -195,7 +161,7 @@ impl Tensor {
         let shape = dims(proto)?;
         let count = elements(&shape)?;
         let values: Vec<f64> = if matches!(element.0, 21 | 22) {
-            nibbles(proto, element, count)
+            element.nibbles(&proto.raw_data, &proto.int32_data, count)
         } else if proto.raw_data.is_empty() {
             match element.0 {
                 1 => proto.float_data.iter().map(|&value| f64::from(value)).collect(),
@@ -204,6 +170,7 @@ impl Tensor {
                 12 | 13 => proto.uint64_data.iter().map(|&value| value as f64).collect(),
                 10 => proto.int32_data.iter().map(|&bits| half(bits as u16)).collect(),
                 16 => proto.int32_data.iter().map(|&bits| brain(bits as u16)).collect(),
+                17..=20 => proto.int32_data.iter().map(|&bits| element.float8(bits as u8)).collect(),
                 2..=6 | 9 => proto.int32_data.iter().map(|&value| f64::from(value)).collect(),
                 _ => return Err(Error::new(format!("its elements are {element}, but have to be numbers"))),
             }
@@ -262,22 +229,10 @@ fn contradiction(shape: &[usize], found: usize) -> Error {
     Error::new(format!("it holds {found} numbers, which is not what its shape {} says", shape_text(shape)))
 }
 
-/// Integers of 4 bits, two in each byte, the first in its low half.
-fn nibbles(proto: &TensorProto, element: Element, count: usize) -> Vec<f64> {
-    let bytes = proto.raw_data.iter().map(|&byte| i128::from(byte));
-    let bytes = bytes.chain(proto.int32_data.iter().map(|&byte| i128::from(byte)));
-    let halves = bytes.flat_map(|byte| [element.wrapped(byte), element.wrapped(byte >> 4)]);
-    // The last half of an odd number of elements is empty.
-    let mut values: Vec<f64> = halves.collect();
-    if values.len() == count + 1 {
-        values.pop();
-    }
-    values
-}
-
 fn number(element: Element, b: &[u8]) -> f64 {
     match (element.0, b) {
         (2 | 9, &[a]) => f64::from(a),
+        (17..=20, &[a]) => element.float8(a),
         (3, &[a]) => f64::from(a as i8),
         (4, &[a, b]) => f64::from(u16::from_le_bytes([a, b])),
         (5, &[a, b]) => f64::from(i16::from_le_bytes([a, b])),

@@ -60,9 +60,10 @@ fn infer_cast(site: &Site<'_>) -> Result<Vec<Fact>> {
 fn evaluate_cast(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let fact = infer_cast(site)?.swap_remove(0);
     let input = given(inputs, 0)?;
+    let saturate = site.int("saturate", 1) != 0;
     let convert = |&value: &f64| match fact.element {
         Element::BOOL => f64::from(u8::from(value != 0.0)),
-        element if !element.is_integer() => value,
+        element if !element.is_integer() => element.rounded(value, saturate),
         // An integer keeps its low bits. For a float that does not fit, ONNX leaves open what comes out.
         element if input.element.is_integer() => element.wrapped(value as i128),
         element => element.saturated(value.trunc()),

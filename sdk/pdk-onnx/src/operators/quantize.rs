@@ -108,9 +108,9 @@ fn infer_quantize(site: &Site<'_>) -> Result<Vec<Fact>> {
         Some(_) => site.fact(2)?.element,
         None => named_type(site)?.unwrap_or(BYTE),
     };
-    if !element.is_integer() {
+    if !element.is_integer() && !element.is_float8() {
         return Err(Error::new(format!(
-            "it quantizes to {element}, but integers alone are known here; export the model with UINT8 or INT8"
+            "it quantizes to {element}, which is not a small type; export the model with UINT8 or INT8"
         )));
     }
     Ok(vec![Fact::new(element, site.shape(0)?.to_vec())])
@@ -126,11 +126,16 @@ fn evaluate_quantize(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<
     let (x, scales, zeros) = (given(inputs, 0)?, given(inputs, 1)?, inputs.get(2).copied().flatten());
     let factors = Factors::of(site, &x.shape, &scales.shape)?;
     check_zero_points(&scales.shape, zeros.map(|zeros| zeros.shape.as_slice()))?;
+    let saturate = site.int("saturate", 1) != 0;
     let (element_of_x, mut values) = (x.element, x.values.iter());
     let quantized = Tensor::from_fn(element, &x.shape, |at| {
         let (place, x) = (factors.place(at), values.next().copied().unwrap_or_default());
-        let rounded = quotient(element_of_x, x, scales.values[place]).round_ties_even();
-        element.saturated(rounded + zeros.map_or(0.0, |zeros| zeros.values[place]))
+        let scaled = quotient(element_of_x, x, scales.values[place]);
+        let zero = zeros.map_or(0.0, |zeros| zeros.values[place]);
+        match element.is_integer() {
+            true => element.saturated(scaled.round_ties_even() + zero),
+            false => element.rounded(scaled + zero, saturate),
+        }
     });
     Ok(vec![quantized?])
 }
@@ -242,10 +247,10 @@ mod tests {
         let mut sketch = Sketch::new(21);
         sketch.input("x", &[2, 3]);
         let scale = sketch.drawn(&[], 1.0, 2.0);
-        sketch.node("QuantizeLinear", &["x", &scale], "y", &[("output_dtype", Int(17))]);
+        sketch.node("QuantizeLinear", &["x", &scale], "y", &[("output_dtype", Int(11))]);
         sketch.node("QuantizeLinear", &["x"], "z", &[]);
         let graph = Graph::new(sketch.model(&["y", "z"])).unwrap();
-        assert!(graph.fact("y").unwrap_err().to_string().contains("integers alone are known here"));
+        assert!(graph.fact("y").unwrap_err().to_string().contains("it quantizes to DOUBLE"));
         assert!(graph.fact("z").unwrap_err().to_string().contains("its input 2 is missing"));
     }
 }

@@ -159,6 +159,11 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
             terms.sum()
         })?;
     }
+    if image.element.is_integer() {
+        // Integers are cut. As 32-bit floats, weights whose sum is nearly 1 leave whole numbers whole.
+        let cut = |value: f64| image.element.saturated(f64::from(value as f32).trunc());
+        image.values.iter_mut().for_each(|value| *value = cut(*value));
+    }
     Ok(vec![image])
 }
 
