@@ -81,7 +81,27 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{Sketch, check};
+
+    #[test]
+    fn products_of_integers_are_exact_and_sums_that_are_too_large_are_refused() {
+        let computed = |shape: &[usize]| {
+            let mut sketch = Sketch::new(13);
+            let a = sketch.weights("a", Tensor::filled(Element::INT32, &[1, 2], 2147483647.0).unwrap());
+            let b = sketch.weights("b", Tensor::filled(Element::INT32, &[2, 1], 2147483647.0).unwrap());
+            let c = sketch.weights("c", Tensor::filled(Element::INT32, shape, 2147483647.0).unwrap());
+            sketch.node("Gemm", &[&a, &b, &c], "y", &[]);
+            let graph = Graph::new(sketch.model(&["y"]))?;
+            graph.fact("y")?;
+            Ok::<_, pdk_sdk::error::Error>(graph.evaluate(&[], &["y"])?.swap_remove(0).values)
+        };
+        // Of two times the square of 2^31 - 1 the low bits are 2. The sum with 2^31 - 1 wraps once more.
+        assert_eq!(computed(&[1]).unwrap(), [-2147483647.0]);
+        let error = computed(&[3]).unwrap_err().to_string();
+        assert!(error.contains("its sum of the shape (3) is larger"), "{error}");
+    }
 
     #[test]
     fn gradients_are_right_for_each_order_of_the_matrices() {

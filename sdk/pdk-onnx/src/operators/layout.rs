@@ -177,7 +177,29 @@ fn gradient_transpose(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::Setting::Int;
+    use crate::testing::{Sketch, check};
+
+    #[test]
+    fn integers_keep_their_low_bits_and_floats_are_cut() {
+        for (from, to, values, expected) in [
+            (7, 2, [300.0, -1.0], [44.0, 255.0]),
+            (6, 3, [128.0, -129.0], [-128.0, 127.0]),
+            (1, 6, [2.9, -2.9], [2.0, -2.0]),
+            (1, 3, [-0.5, f64::NAN], [0.0, 0.0]),
+            (6, 9, [-3.0, 0.0], [1.0, 0.0]),
+            (1, 17, [17.0, 1e9], [16.0, 448.0]),
+        ] {
+            let mut sketch = Sketch::new(19);
+            sketch.weights("x", Tensor { element: Element(from), shape: vec![2], values: values.to_vec() });
+            sketch.node("Cast", &["x"], "y", &[("to", Int(i64::from(to)))]);
+            let graph = Graph::new(sketch.model(&["y"])).unwrap();
+            let found = graph.evaluate(&[], &["y"]).unwrap();
+            assert_eq!(found[0].values, expected, "{from} to {to}");
+        }
+    }
 
     #[test]
     fn gradients_take_the_shape_of_what_went_in() {

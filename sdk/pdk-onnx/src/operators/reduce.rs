@@ -145,7 +145,7 @@ fn to_the_extreme(site: &Site<'_>, b: &mut Builder, g: &str, kept: &[usize], bey
 mod tests {
     use crate::gradient::{Target, gradients};
     use crate::graph::Graph;
-    use crate::tensor::Tensor;
+    use crate::tensor::{Element, Tensor};
     use crate::testing::{Sketch, check};
 
     #[test]
@@ -165,6 +165,19 @@ mod tests {
             }
         }
         check("global_max_pool");
+    }
+
+    #[test]
+    fn sums_of_integers_wrap_and_their_means_are_cut() {
+        for (operator, value, count, expected) in
+            [("ReduceMean", 3.0, 49, 3.0), ("ReduceSum", 2147483647.0, 2, -2.0), ("ReduceMax", -7.0, 3, -7.0)]
+        {
+            let mut sketch = Sketch::new(13);
+            sketch.weights("x", Tensor::filled(Element::INT32, &[count], value).unwrap());
+            sketch.node(operator, &["x"], "y", &[]);
+            let graph = Graph::new(sketch.model(&["y"])).unwrap();
+            assert_eq!(graph.evaluate(&[], &["y"]).unwrap()[0].values, [expected], "{operator}");
+        }
     }
 
     #[test]
