@@ -193,7 +193,9 @@ impl Tensor {
     /// floats.
     pub fn to_proto(&self, name: &str) -> TensorProto {
         let values = self.values.iter().copied();
-        let raw_data = match self.element {
+        let mut element = self.element;
+        let raw_data = match element {
+            Element::FLOAT => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
             Element::DOUBLE => values.flat_map(f64::to_le_bytes).collect(),
             Element::INT64 => values.flat_map(|value| (value as i64).to_le_bytes()).collect(),
             Element::INT32 => values.flat_map(|value| (value as i32).to_le_bytes()).collect(),
@@ -204,12 +206,15 @@ impl Tensor {
             Element(5) => values.flat_map(|value| (value as i16).to_le_bytes()).collect(),
             Element(12) => values.flat_map(|value| (value as u32).to_le_bytes()).collect(),
             Element(13) => values.flat_map(|value| (value as u64).to_le_bytes()).collect(),
-            _ => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
+            _ => {
+                element = Element::FLOAT;
+                values.flat_map(|value| (value as f32).to_le_bytes()).collect()
+            }
         };
         TensorProto {
             name: name.to_owned(),
             dims: self.shape.iter().map(|&dim| dim as i64).collect(),
-            data_type: self.element.0,
+            data_type: element.0,
             raw_data,
             ..TensorProto::default()
         }
@@ -320,6 +325,17 @@ mod tests {
             let ints = Tensor::ints(&values);
             assert_eq!(Tensor::from_proto(&ints.to_proto("i")).unwrap().to_ints(), values);
         }
+        for (number, values) in
+            [(2, [0.0, 255.0]), (3, [-128.0, 127.0]), (5, [-300.0, 3.0]), (13, [5.0, 1e15])]
+        {
+            let small = Tensor { element: Element(number), shape: vec![2], values: values.to_vec() };
+            assert_eq!(Tensor::from_proto(&small.to_proto("s")).unwrap(), small);
+        }
+        let rare = Tensor { element: Element::FLOAT16, shape: vec![1], values: vec![0.5] };
+        assert_eq!(Tensor::from_proto(&rare.to_proto("r")).unwrap(), Tensor::floats(&[1], vec![0.5]));
+        let quarters =
+            TensorProto { dims: vec![3], data_type: 22, raw_data: vec![0x71, 0x0f], ..Default::default() };
+        assert_eq!(Tensor::from_proto(&quarters).unwrap().values, [1.0, 7.0, -1.0]);
         let halves = TensorProto {
             dims: vec![4],
             data_type: 10,

@@ -166,5 +166,11 @@ pub(crate) fn lengths(site: &Site<'_>, name: &str, count: usize, default: usize)
         return Err(Error::new(format!("its `{name}` are {values:?}, but have to be {count}")));
     }
     let lengths = values.iter().map(|&value| usize::try_from(value)).collect::<Result<Vec<_>, _>>();
-    lengths.map_err(|_| Error::new(format!("its `{name}` are {values:?}, but cannot be negative here")))
+    let lengths = lengths
+        .map_err(|_| Error::new(format!("its `{name}` are {values:?}, but cannot be negative here")))?;
+    // Sums and products of these do not overflow.
+    match lengths.iter().all(|length| *length <= 1 << 30) {
+        true => Ok(lengths),
+        false => Err(Error::new(format!("its `{name}` are {values:?}, which is too large"))),
+    }
 }

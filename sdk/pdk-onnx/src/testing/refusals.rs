@@ -222,6 +222,23 @@ fn tensors_that_would_be_huge_are_refused() {
         s.node("Pad", &["x", &pads], "y", &[]);
     });
     assert!(refusal(model, "x").contains("do not fit an axis of the length 4"));
+    let model = sketch(13, |s| {
+        let w = s.drawn(&[1, 1, 2, 2], -1.0, 1.0);
+        s.node("Conv", &["x", &w], "y", &[("pads", Ints(&[i64::MAX, 0, i64::MAX, 0]))]);
+    });
+    assert!(refusal(model, "x").ends_with("which is too large"));
+}
+
+#[test]
+fn nothing_is_repeated_along_an_empty_axis() {
+    for mode in ["edge", "reflect", "wrap"] {
+        let model = sketch(19, |s| {
+            let (empty, pads) = (s.drawn(&[0], -1.0, 1.0), s.ints(&[1, 1]));
+            s.node("Pad", &[&empty, &pads], "y", &[("mode", Text(mode))]);
+        });
+        let error = Graph::new(model).unwrap().fact("y").unwrap_err().to_string();
+        assert!(error.contains("has nothing to repeat along an axis of the length 0"), "{error}");
+    }
 }
 
 #[test]
