@@ -6,6 +6,8 @@
 
 mod attributes;
 mod builder;
+mod bytes;
+mod element;
 mod evaluate;
 pub mod field;
 pub mod gradient;
@@ -13,9 +15,10 @@ pub mod graph;
 pub mod inference;
 pub mod layers;
 pub mod model;
-mod number;
+mod narrow;
 pub mod objective;
 mod operators;
+mod order;
 pub mod proto;
 mod shapes;
 mod site;

@@ -108,6 +108,12 @@ impl<'a> Site<'a> {
             .unwrap_or(default)
     }
 
+    /// An attribute of texts; nothing if it is left out.
+    pub fn texts(&self, name: &str) -> Option<Vec<&'a str>> {
+        let texts = self.attribute(name)?.strings.iter();
+        Some(texts.map(|text| std::str::from_utf8(text).unwrap_or_default()).collect())
+    }
+
     /// An attribute that is a tensor; nothing if it is left out.
     pub fn tensor(&self, name: &str) -> Result<Option<Tensor>> {
         self.attribute(name).and_then(|attribute| attribute.t.as_ref()).map(Tensor::from_proto).transpose()

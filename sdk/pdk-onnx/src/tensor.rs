@@ -1,83 +1,10 @@
 //! Tensors with known elements, held as 64-bit floats whatever their type.
 
-use std::fmt;
-
 use pdk_sdk::error::{Error, Result};
 
-use crate::number;
+use crate::bytes;
+pub use crate::element::Element;
 use crate::proto::TensorProto;
-
-/// The type of a tensor's elements, by its number in ONNX.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Element(pub i32);
-
-impl Element {
-    /// 32-bit float.
-    pub const FLOAT: Self = Self(1);
-    /// 32-bit signed integer.
-    pub const INT32: Self = Self(6);
-    /// 64-bit signed integer.
-    pub const INT64: Self = Self(7);
-    /// True or false.
-    pub const BOOL: Self = Self(9);
-    /// 16-bit float.
-    pub const FLOAT16: Self = Self(10);
-    /// 64-bit float.
-    pub const DOUBLE: Self = Self(11);
-    /// 64-bit unsigned integer.
-    pub const UINT64: Self = Self(13);
-    /// The upper half of a 32-bit float.
-    pub const BFLOAT16: Self = Self(16);
-
-    /// Whether elements are real numbers.
-    pub fn is_float(self) -> bool {
-        matches!(self.0, 1 | 10 | 11 | 16..=20)
-    }
-
-    /// Whether elements are integers of 4 bits.
-    fn is_packed(self) -> bool {
-        matches!(self.0, 21 | 22)
-    }
-
-    /// The number of bytes of an element; nothing for texts, rare types and those of which two share a byte.
-    fn bytes(self) -> Option<usize> {
-        match self.0 {
-            2 | 3 | 9 | 17..=20 => Some(1),
-            4 | 5 | 10 | 16 => Some(2),
-            1 | 6 | 12 => Some(4),
-            7 | 11 | 13 => Some(8),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for Element {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.0 {
-            1 => "FLOAT",
-            2 => "UINT8",
-            3 => "INT8",
-            4 => "UINT16",
-            5 => "INT16",
-            6 => "INT32",
-            7 => "INT64",
-            8 => "STRING",
-            9 => "BOOL",
-            10 => "FLOAT16",
-            11 => "DOUBLE",
-            12 => "UINT32",
-            13 => "UINT64",
-            16 => "BFLOAT16",
-            17 => "FLOAT8E4M3FN",
-            18 => "FLOAT8E4M3FNUZ",
-            19 => "FLOAT8E5M2",
-            20 => "FLOAT8E5M2FNUZ",
-            21 => "UINT4",
-            22 => "INT4",
-            _ => "of a rare type",
-        })
-    }
-}
 
 /// The most elements that a tensor may have: more than any driving model needs, and a damaged file may say anything.
 const MAX_ELEMENTS: usize = 1 << 30;
@@ -178,25 +105,24 @@ impl Tensor {
                 12 | 13 => proto.uint64_data.iter().map(|&value| value as f64).collect(),
                 10 | 16..=20 => {
                     let bits = proto.int32_data.iter();
-                    bits.map(|&bits| number::float(element, bits as u16).unwrap_or(f64::NAN)).collect()
+                    bits.map(|&bits| bytes::float(element, bits as u16).unwrap_or(f64::NAN)).collect()
                 }
-                21 | 22 => number::nibbles(element, proto.int32_data.iter().map(|&byte| byte as u8), count),
+                21 | 22 => bytes::nibbles(element, proto.int32_data.iter().map(|&byte| byte as u8), count),
                 2..=6 | 9 => proto.int32_data.iter().map(|&value| f64::from(value)).collect(),
                 _ => return Err(Error::new(format!("its elements are {element}, but have to be numbers"))),
             }
-        } else if element.is_packed() {
+        } else if bytes::is_packed(element) {
             if proto.raw_data.len() != count.div_ceil(2) {
                 return Err(contradiction(&shape, proto.raw_data.len() * 2));
             }
-            number::nibbles(element, proto.raw_data.iter().copied(), count)
+            bytes::nibbles(element, proto.raw_data.iter().copied(), count)
         } else {
-            let size = element
-                .bytes()
+            let size = bytes::width(element)
                 .ok_or_else(|| Error::new(format!("its elements are {element}, but have to be numbers")))?;
             if proto.raw_data.len() != count * size {
                 return Err(contradiction(&shape, proto.raw_data.len() / size));
             }
-            proto.raw_data.chunks_exact(size).map(|bytes| number::read(element, bytes)).collect()
+            proto.raw_data.chunks_exact(size).map(|read| bytes::read(element, read)).collect()
         };
         if values.len() != count {
             return Err(contradiction(&shape, values.len()));
@@ -204,12 +130,17 @@ impl Tensor {
         Ok(Self { element, shape, values })
     }
 
-    /// The tensor with each element as its type holds it: 16-bit floats are rounded, and integers wrap or are limited.
-    pub(crate) fn fitted(mut self) -> Self {
-        if !matches!(self.element, Element::FLOAT | Element::DOUBLE) {
-            self.values.iter_mut().for_each(|value| *value = number::fit(self.element, *value));
+    /// The tensor with each element as its type holds it.
+    pub(crate) fn rounded(mut self) -> Self {
+        if self.element != Element::DOUBLE {
+            self.values.iter_mut().for_each(|value| *value = self.element.rounded(*value));
         }
         self
+    }
+
+    /// The same, but 32-bit floats keep the digits of the 64-bit floats that they are computed as: so differences show slopes.
+    pub(crate) fn fitted(self) -> Self {
+        if self.element == Element::FLOAT { self } else { self.rounded() }
     }
 
     /// Writes a constant.
@@ -218,7 +149,7 @@ impl Tensor {
             name: name.to_owned(),
             dims: self.shape.iter().map(|&dim| dim as i64).collect(),
             data_type: self.element.0,
-            raw_data: number::bytes(self.element, &self.values),
+            raw_data: bytes::bytes(self.element, &self.values),
             ..TensorProto::default()
         }
     }
@@ -292,6 +223,15 @@ mod tests {
             let ints = Tensor::ints(&values);
             assert_eq!(Tensor::from_proto(&ints.to_proto("i")).unwrap().to_ints(), values);
         }
+        for (number, values) in
+            [(2, [0.0, 255.0]), (3, [-128.0, 127.0]), (5, [-300.0, 3.0]), (13, [5.0, 1e15])]
+        {
+            let small = Tensor { element: Element(number), shape: vec![2], values: values.to_vec() };
+            assert_eq!(Tensor::from_proto(&small.to_proto("s")).unwrap(), small);
+        }
+        let quarters =
+            TensorProto { dims: vec![3], data_type: 22, raw_data: vec![0x71, 0x0f], ..Default::default() };
+        assert_eq!(Tensor::from_proto(&quarters).unwrap().values, [1.0, 7.0, -1.0]);
         let halves = TensorProto {
             dims: vec![4],
             data_type: 10,

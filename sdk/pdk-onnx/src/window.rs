@@ -11,7 +11,7 @@ use crate::tensor::{for_each_position, shape_text};
 const MOST_TAPS: usize = 1 << 24;
 
 /// The largest stride, dilation or pad. Products of two of them fit an integer.
-const LONGEST: i64 = 1 << 30;
+pub(crate) const LONGEST: i64 = 1 << 30;
 
 /// A window that moves over the spatial axes of an input, with zeros around it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -66,7 +66,7 @@ impl Operation for Unary {
             Function::Relu => each(input, into, |x| if x > 0.0 { x } else { 0.0 }),
             Function::LeakyRelu(slope) => each(input, into, |x| if x < 0.0 { slope * x } else { x }),
             Function::Clip(low, high) => each(input, into, |x| {
-                let x = if x < low { low } else { x };
+                let x = if x >= low { x } else { low };
                 if x > high { high } else { x }
             }),
             Function::Neg => each(input, into, |x| -x),
@@ -199,8 +199,8 @@ impl Operation for Binary {
             Pair::Sub => self.apply(left, right, into, |a, b| a - b),
             Pair::Mul => self.apply(left, right, into, |a, b| a * b),
             Pair::Div => self.apply(left, right, into, |a, b| a / b),
-            Pair::Max => self.apply(left, right, into, |a, b| if b > a { b } else { a }),
-            Pair::Min => self.apply(left, right, into, |a, b| if b < a { b } else { a }),
+            Pair::Max => self.apply(left, right, into, |a, b| if b > a || b.is_nan() { b } else { a }),
+            Pair::Min => self.apply(left, right, into, |a, b| if b < a || b.is_nan() { b } else { a }),
         }
         Ok(())
     }

@@ -6,7 +6,6 @@ use super::buffer::{Buffer, Operation, single};
 use super::plan::Constants;
 use crate::operators::normalization;
 use crate::site::Site;
-use crate::tensor::Tensor;
 
 /// A normalization by channel.
 pub struct Normalization {

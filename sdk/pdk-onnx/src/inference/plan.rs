@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, is_single};
 use super::convolution::Convolution;
@@ -14,7 +14,7 @@ use super::normalization::Normalization;
 use super::plain::{self, Plain};
 use super::pooling::Pool;
 use super::resize::Resize;
-use super::{Operand, Program, Step, rounded};
+use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
 use crate::site::Site;
@@ -140,7 +140,7 @@ impl<'a> Plan<'a> {
         }
         if is_constant {
             for (name, tensor) in node.output.iter().zip(plain::evaluate(&site, &constants)?) {
-                self.constants.insert(name, Arc::new(rounded(tensor)));
+                self.constants.insert(name, Arc::new(tensor.rounded()));
             }
             return Ok(None);
         }

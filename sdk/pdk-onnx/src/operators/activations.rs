@@ -2,7 +2,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::functions::{each, sigmoid, times};
+use super::functions::{each, sigmoid, softplus, times};
 use super::operator::{Operator, Parts, Rule, same};
 use crate::builder::Builder;
 use crate::site::Site;
@@ -10,14 +10,9 @@ use crate::tensor::Tensor;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("Mish", same, |_, x| each(x, |x| x * libm::tanh(softplus(x))), Rule::First(mish)),
-    Operator::new("Softsign", same, |_, x| each(x, |x| x / (1.0 + x.abs())), Rule::First(softsign)),
+    Operator::new("Softsign", same, |_, x| each(x, softsign), Rule::First(softsign_gradient)),
     Operator::new("Swish", same, evaluate_swish, Rule::First(swish)),
 ];
-
-/// The logarithm of 1 + e^x.
-fn softplus(x: f64) -> f64 {
-    libm::log1p(libm::exp(-x.abs())) + x.max(0.0)
-}
 
 fn mish(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     // With t = tanh(softplus(x)) the slope is t + x (1 - t^2) sigmoid(x).
@@ -33,7 +28,11 @@ fn mish(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     times(b, g, &slope)
 }
 
-fn softsign(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+pub fn softsign(x: f64) -> f64 {
+    x / (1.0 + x.abs())
+}
+
+fn softsign_gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let size = b.unary("Abs", site.input(0)?)?;
     let divisor = b.offset(&size, 1.0)?;
     let square = b.mul(&divisor, &divisor)?;

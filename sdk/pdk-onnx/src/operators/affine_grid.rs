@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, taken};
 use super::operator::{Operator, Rule};
-use super::positions::{deciding, lengths, taken};
+use super::positions::lengths;
 use crate::site::Site;
 use crate::tensor::{Tensor, shape_text};
 use crate::values::Fact;

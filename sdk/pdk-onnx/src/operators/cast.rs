@@ -4,7 +4,6 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::number;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor};
 use crate::values::Fact;
@@ -27,13 +26,13 @@ fn convert(site: &Site<'_>, facts: Vec<Fact>, inputs: &[Option<&Tensor>]) -> Res
     let input = given(inputs, 0)?;
     let saturate = site.int("saturate", 1) != 0;
     let convert = |Fact { element, .. }: Fact| {
-        if element != Element::BOOL && !element.is_float() && number::range(element).is_none() {
+        if element != Element::BOOL && !element.is_float() && !element.is_integer() {
             return Err(Error::new(format!(
                 "its elements become {element}, but have to become numbers of a known type"
             )));
         }
-        let values =
-            input.values.iter().map(|&value| number::cast(input.element, element, value, saturate)).collect();
+        let convert = |&value: &f64| input.element.converted(element, value, saturate);
+        let values = input.values.iter().map(convert).collect();
         Ok(Tensor { element, shape: input.shape.clone(), values })
     };
     facts.into_iter().map(convert).collect()
@@ -59,7 +58,7 @@ fn gradient_like(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 mod tests {
     use crate::graph::Graph;
     use crate::tensor::{Element, Tensor};
-    use crate::testing::{Setting, Sketch, check};
+    use crate::testing::{Setting, Sketch, check, computed, fault};
 
     #[test]
     fn gradients_have_the_type_of_what_went_in() {
@@ -84,14 +83,29 @@ mod tests {
     }
 
     #[test]
+    fn integers_keep_their_low_bits_and_floats_are_cut() {
+        for (from, to, values, expected) in [
+            (7, 2, [300.0, -1.0], [44.0, 255.0]),
+            (6, 3, [128.0, -129.0], [-128.0, 127.0]),
+            (1, 6, [2.9, -2.9], [2.0, -2.0]),
+            (1, 3, [-0.5, f64::NAN], [0.0, 0.0]),
+            (6, 9, [-3.0, 0.0], [1.0, 0.0]),
+            (1, 17, [17.0, 1e9], [16.0, 448.0]),
+        ] {
+            let found = computed(19, |s| {
+                let x = Tensor { element: Element(from), shape: vec![2], values: values.to_vec() };
+                let x = s.weights("x", x);
+                s.node("Cast", &[&x], "y", &[("to", Setting::Int(i64::from(to)))]);
+            });
+            assert_eq!(found.unwrap().values, expected, "{from} to {to}");
+        }
+    }
+
+    #[test]
     fn types_that_are_not_numbers_are_refused() {
         for to in [0, 8, 14, i64::MAX] {
-            let mut sketch = Sketch::new(13);
-            sketch.input("x", &[2]);
-            sketch.node("Cast", &["x"], "y", &[("to", Setting::Int(to))]);
-            let graph = Graph::new(sketch.model(&["y"])).unwrap();
-            let error = graph.evaluate(&[("x", &Tensor::floats(&[2], vec![1.0, 2.0]))], &["y"]).unwrap_err();
-            assert!(error.to_string().contains("have to become numbers"), "{error}");
+            let error = fault(13, "Cast", &[&[2]], &[("to", Setting::Int(to))]);
+            assert!(error.contains("have to become numbers"), "{error}");
         }
     }
 }

@@ -2,17 +2,15 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, taken};
 use super::operator::{Operator, Rule};
-use super::positions::{deciding, lengths, taken};
+use super::positions::lengths;
 use crate::site::Site;
 use crate::tensor::{Tensor, shape_text};
 use crate::values::Fact;
-use crate::window::Window;
+use crate::window::{LONGEST, Window};
 
 pub const OPERATORS: &[Operator] = &[Operator::new("Col2Im", infer, evaluate, Rule::Unknown)];
-
-/// The greatest length, stride and dilation: products of two of them do not overflow.
-const MOST: usize = 1 << 30;
 
 /// The window over the image, and the number of the image's channels.
 fn window(site: &Site<'_>) -> Result<(Window, usize)> {
@@ -22,10 +20,7 @@ fn window(site: &Site<'_>) -> Result<(Window, usize)> {
         lengths(&tensor.to_ints(), what)
     };
     let (image, block) = (list(1, "image shape")?, list(2, "block shape")?);
-    let attributes =
-        ["strides", "dilations", "pads"].into_iter().filter_map(|name| site.ints(name)).flatten();
-    let is_large = attributes.map(|&length| usize::try_from(length).unwrap_or(0)).any(|length| length > MOST)
-        || image.iter().chain(&block).any(|&length| length > MOST);
+    let is_large = image.iter().chain(&block).any(|&length| length as i64 > LONGEST);
     let columns = site.shape(0)?;
     let unfit = || {
         Error::new(format!(

@@ -3,8 +3,8 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, taken};
 use super::operator::{Operator, Rule, given};
-use super::positions::{deciding, taken};
 use crate::site::{Site, axis};
 use crate::tensor::{Element, Tensor, for_each_position};
 use crate::values::Fact;

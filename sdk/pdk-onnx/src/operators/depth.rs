@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::taken;
 use super::operator::{Operator, Parts, Rule};
-use super::positions::{index, strides, taken};
+use super::positions::{index, strides};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::{Tensor, shape_text};

@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::taken;
 use super::operator::{Operator, Rule};
-use super::positions::{index, product, strides, sum, taken};
+use super::positions::{index, strides};
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, for_each_position, shape_text};
 use crate::values::Fact;
@@ -147,7 +148,7 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
                 .zip(&starts)
                 .map(|((tensor, steps), start)| tensor.values[start + index(&steps[at.len()..], inner)]);
             let first = factors.next().unwrap_or(1.0);
-            total = sum(element, total, factors.fold(first, |a, b| product(element, a, b)));
+            total = element.sum(total, factors.fold(first, |a, b| element.product(a, b)));
         });
         total
     };

@@ -2,9 +2,10 @@
 
 use pdk_sdk::error::Result;
 
-use super::arithmetic::{infer, unbroadcast};
-use super::operator::{Operator, Parts, Rule, given};
+use super::arithmetic::{infer, join, unbroadcast};
+use super::operator::{Operator, Parts, Rule};
 use crate::builder::Builder;
+use crate::order::further;
 use crate::site::Site;
 use crate::tensor::Tensor;
 
@@ -24,19 +25,9 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new("Mean", infer, mean, Rule::First(gradient_mean)),
 ];
 
-/// Joins the elements at the same place.
-fn join(site: &Site<'_>, inputs: &[Option<&Tensor>], join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
-    let fact = infer(site)?.swap_remove(0);
-    let inputs = (0..site.node.input.len()).map(|place| given(inputs, place)).collect::<Result<Vec<_>>>()?;
-    Tensor::from_fn(fact.element, &fact.shape, |at| {
-        inputs.iter().map(|input| input.broadcast_at(at)).reduce(&join).unwrap_or_default()
-    })
-}
-
-/// The greatest elements if `sign` is 1, the least ones if it is -1. What is not a number stays that.
+/// The greatest elements if `sign` is 1, the least ones if it is -1.
 fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], sign: f64) -> Result<Vec<Tensor>> {
-    let further = |a: f64, b: f64| if a.is_nan() || a * sign >= b * sign { a } else { b };
-    Ok(vec![join(site, inputs, further)?])
+    Ok(vec![join(site, inputs, |a, b| further(a, b, sign))?])
 }
 
 /// The gradient goes to the values that equal what was found, in equal shares; all others are `beyond` it, by this operator.

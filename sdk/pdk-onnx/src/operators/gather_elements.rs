@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::taken;
 use super::operator::{Operator, Rule};
-use super::positions::{counted, index, strides, taken};
+use super::positions::{counted, index, strides};
 use crate::site::{Site, axis};
 use crate::tensor::{Tensor, elements, shape_text};
 use crate::values::Fact;

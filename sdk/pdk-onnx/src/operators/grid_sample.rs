@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::taken;
 use super::operator::{Operator, Rule};
-use super::positions::{strides, taken};
+use super::positions::strides;
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, shape_text};
 use crate::values::Fact;

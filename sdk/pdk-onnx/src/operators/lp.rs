@@ -88,26 +88,24 @@ fn evaluate_global(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Te
 
 #[cfg(test)]
 mod tests {
-    use crate::graph::Graph;
     use crate::tensor::Tensor;
-    use crate::testing::{Setting, Sketch, fault};
+    use crate::testing::{Setting, computed, fault};
 
-    fn computed(operator: &str, shape: &[usize], settings: &[(&str, Setting<'_>)]) -> Vec<f64> {
-        let mut sketch = Sketch::new(18);
-        sketch.input("x", shape);
-        sketch.node(operator, &["x"], "y", settings);
-        let graph = Graph::new(sketch.model(&["y"])).unwrap();
-        let x = Tensor::floats(shape, vec![3.0, -4.0, 0.0, 0.0]);
-        graph.evaluate(&[("x", &x)], &["y"]).unwrap().swap_remove(0).values
+    fn norms(operator: &str, shape: &[usize], settings: &[(&str, Setting<'_>)]) -> Vec<f64> {
+        let found = computed(18, |s| {
+            let x = s.weights("x", Tensor::floats(shape, vec![3.0, -4.0, 0.0, 0.0]));
+            s.node(operator, &[&x], "y", settings);
+        });
+        found.unwrap().values
     }
 
     #[test]
     fn norms_are_taken_along_the_axis_and_over_planes() {
-        assert_eq!(computed("LpNormalization", &[2, 2], &[]), [0.6, -0.8, 0.0, 0.0]);
+        assert_eq!(norms("LpNormalization", &[2, 2], &[]), [0.6, -0.8, 0.0, 0.0]);
         let sizes = [("p", Setting::Int(1)), ("axis", Setting::Int(0))];
-        assert_eq!(computed("LpNormalization", &[2, 2], &sizes), [1.0, -1.0, 0.0, 0.0]);
-        assert_eq!(computed("GlobalLpPool", &[1, 2, 2], &[]), [5.0, 0.0]);
-        assert_eq!(computed("GlobalLpPool", &[1, 1, 4], &[("p", Setting::Int(1))]), [7.0]);
+        assert_eq!(norms("LpNormalization", &[2, 2], &sizes), [1.0, -1.0, 0.0, 0.0]);
+        assert_eq!(norms("GlobalLpPool", &[1, 2, 2], &[]), [5.0, 0.0]);
+        assert_eq!(norms("GlobalLpPool", &[1, 1, 4], &[("p", Setting::Int(1))]), [7.0]);
     }
 
     #[test]

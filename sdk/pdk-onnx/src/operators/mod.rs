@@ -26,6 +26,8 @@ mod gemm;
 mod grid_sample;
 mod group_normalization;
 mod hyperbolic;
+mod inputs;
+mod integer_products;
 mod integers;
 pub(crate) mod layout;
 mod lp;
@@ -38,7 +40,10 @@ mod one_hot;
 mod operator;
 pub(crate) mod pad;
 mod positions;
+mod quantize;
 mod rectifiers;
+mod recurrent;
+mod recurrent_cells;
 mod reduce;
 mod reduce_norms;
 pub(crate) mod resize;
@@ -84,6 +89,7 @@ static FAMILIES: &[&[Operator]] = &[
     grid_sample::OPERATORS,
     group_normalization::OPERATORS,
     hyperbolic::OPERATORS,
+    integer_products::OPERATORS,
     integers::OPERATORS,
     layout::OPERATORS,
     lp::OPERATORS,
@@ -94,7 +100,9 @@ static FAMILIES: &[&[Operator]] = &[
     normalization::OPERATORS,
     one_hot::OPERATORS,
     pad::OPERATORS,
+    quantize::OPERATORS,
     rectifiers::OPERATORS,
+    recurrent::OPERATORS,
     reduce::OPERATORS,
     reduce_norms::OPERATORS,
     resize::OPERATORS,

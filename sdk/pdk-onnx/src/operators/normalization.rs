@@ -3,6 +3,7 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::conv;
+use super::inputs::{optional, taken};
 use super::operator::{Operator, Parts, Rule, check_broadcast, given, same};
 use crate::builder::Builder;
 use crate::site::{Site, axis};
@@ -10,7 +11,7 @@ use crate::tensor::{Tensor, for_each_position};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("BatchNormalization", same, evaluate_batch, Rule::First(gradient_batch)),
+    Operator::new("BatchNormalization", infer_batch, evaluate_batch, Rule::First(gradient_batch)),
     Operator::new("LayerNormalization", infer_layer, evaluate_layer, Rule::First(gradient_layer)),
     Operator::new("InstanceNormalization", same, evaluate_instance, Rule::First(gradient_instance)),
 ];
@@ -33,11 +34,26 @@ pub fn epsilon(site: &Site<'_>) -> f64 {
     site.float("epsilon", 1e-5)
 }
 
+/// Refuses what a model computes while it learns: before version 14 such a node has more outputs than one.
+fn check_inference(site: &Site<'_>) -> Result<()> {
+    let outputs = site.node.output.iter().filter(|name| !name.is_empty()).count();
+    match site.int("training_mode", 0) != 0 || site.opset() < 14 && outputs > 1 {
+        true => Err(Error::new("it is set to training; export the model for inference")),
+        false => Ok(()),
+    }
+}
+
+fn infer_batch(site: &Site<'_>) -> Result<Vec<Fact>> {
+    check_inference(site)?;
+    same(site)
+}
+
 fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    check_inference(site)?;
     by_channel(site, 4)?;
-    let (x, epsilon) = (given(inputs, 0)?, epsilon(site));
+    let (x, epsilon) = (taken(site, inputs, 0)?, epsilon(site));
     let [scale, bias, mean, variance] =
-        [given(inputs, 1)?, given(inputs, 2)?, given(inputs, 3)?, given(inputs, 4)?];
+        [taken(site, inputs, 1)?, taken(site, inputs, 2)?, taken(site, inputs, 3)?, taken(site, inputs, 4)?];
     let mut values = x.values.iter();
     let normalized = Tensor::from_fn(x.element, &x.shape, |at| {
         let (channel, x) = (at[1], values.next().copied().unwrap_or_default());
@@ -48,9 +64,7 @@ fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
 }
 
 fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    if site.int("training_mode", 0) != 0 {
-        return Err(Error::new("it is set to training; export the model for inference"));
-    }
+    check_inference(site)?;
     if site.int("spatial", 1) == 0 {
         return Err(Error::new(
             "it has factors for each pixel, which later versions of this operator do not have",
@@ -127,7 +141,7 @@ fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
     }
     let block = x.shape[first_axis(site)?..].iter().product();
     let (mut result, moments) = standardize(x, block, epsilon(site));
-    let (scale, bias) = (given(inputs, 1)?, inputs.get(2).copied().flatten());
+    let (scale, bias) = (given(inputs, 1)?, optional(inputs, 2));
     let mut place = 0;
     for_each_position(&x.shape, |at| {
         let value = &mut result.values[place];

@@ -2,8 +2,8 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, single, taken};
 use super::operator::{Operator, Rule};
-use super::positions::{deciding, single, taken};
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -14,7 +14,7 @@ pub const OPERATORS: &[Operator] = &[Operator::new("OneHot", infer, evaluate, Ru
 fn added(site: &Site<'_>) -> Result<(usize, usize)> {
     let axis = axis(site.int("axis", -1), site.shape(0)?.len() + 1)?;
     let depth = deciding(site, 1)?.ok_or_else(|| Error::new("its input 2 is missing"))?;
-    let depth = single(&depth, 1)?;
+    let depth = single(&depth, "depth")?;
     if !(0.0..1e15).contains(&depth) {
         return Err(Error::new(format!("its depth {depth} is not a length")));
     }

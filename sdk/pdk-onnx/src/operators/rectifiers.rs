@@ -6,6 +6,7 @@ use super::arithmetic::{binary, unbroadcast};
 use super::functions::{each, times};
 use super::operator::{Operator, Parts, Rule, check_broadcast, same};
 use crate::builder::Builder;
+use crate::order::{greater, lesser};
 use crate::site::Site;
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -80,7 +81,7 @@ fn alpha_of_celu(site: &Site<'_>) -> Result<f64> {
 
 fn evaluate_celu(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let alpha = alpha_of_celu(site)?;
-    each(inputs, |x| x.max(0.0) + (alpha * libm::expm1(x / alpha)).min(0.0))
+    each(inputs, |x| greater(0.0, x) + lesser(0.0, alpha * libm::expm1(x / alpha)))
 }
 
 fn celu(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

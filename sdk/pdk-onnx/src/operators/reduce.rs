@@ -4,6 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
+use crate::order::further;
 use crate::site::{Site, axes};
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -18,7 +19,7 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new(
         "ReduceMean",
         infer,
-        |site, inputs| sum(site, inputs, share),
+        |site, inputs| sum(site, inputs, |count| count as f64),
         Rule::First(|s, b, g| spread(s, b, g, share)),
     ),
     Operator::new(
@@ -82,19 +83,21 @@ pub fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![Fact::new(fact.element, dims.map(|(_, &dim)| dim).collect())])
 }
 
-fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) -> Result<Vec<Tensor>> {
+fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], divisor: fn(usize) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
-    let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| sum + value)?;
-    let weight = weight(input.values.len() / sums.values.len().max(1));
-    sums.values.iter_mut().for_each(|sum| *sum *= weight);
+    let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| input.element.sum(sum, value))?;
+    let divisor = divisor(input.values.len() / sums.values.len().max(1));
+    // A mean of integers is cut.
+    let share = |sum: f64| if input.element.is_integer() { (sum / divisor).trunc() } else { sum / divisor };
+    sums.values.iter_mut().for_each(|sum| *sum = share(*sum));
     Ok(vec![Tensor { shape: infer(site)?.swap_remove(0).shape, ..sums }])
 }
 
 /// The greatest elements if `sign` is 1, the least ones if it is -1.
 fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], kept: &[usize], sign: f64) -> Result<Vec<Tensor>> {
-    let further =
-        |far: f64, value: f64| if (value - far) * sign > 0.0 || value.is_nan() { value } else { far };
-    let found = fold(given(inputs, 0)?, kept, f64::NEG_INFINITY * sign, further)?;
+    let input = given(inputs, 0)?;
+    let start = input.element.saturated(f64::NEG_INFINITY * sign);
+    let found = fold(input, kept, start, |far, value| further(far, value, sign))?;
     Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..found }])
 }
 
@@ -141,8 +144,8 @@ fn to_the_extreme(site: &Site<'_>, b: &mut Builder, g: &str, kept: &[usize], bey
 mod tests {
     use crate::gradient::{Target, gradients};
     use crate::graph::Graph;
-    use crate::tensor::Tensor;
-    use crate::testing::{Sketch, check};
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{Sketch, check, computed};
 
     #[test]
     fn gradients_are_spread_over_what_was_summed() {
@@ -161,6 +164,19 @@ mod tests {
             }
         }
         check("global_max_pool");
+    }
+
+    #[test]
+    fn sums_of_integers_wrap_and_their_means_are_cut() {
+        for (operator, value, count, expected) in
+            [("ReduceMean", 3.0, 49, 3.0), ("ReduceSum", 2147483647.0, 2, -2.0), ("ReduceMax", -7.0, 3, -7.0)]
+        {
+            let found = computed(13, |s| {
+                let x = s.weights("x", Tensor::filled(Element::INT32, &[count], value).unwrap());
+                s.node(operator, &[&x], "y", &[]);
+            });
+            assert_eq!(found.unwrap().values, [expected], "{operator}");
+        }
     }
 
     #[test]

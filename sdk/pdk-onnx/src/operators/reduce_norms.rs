@@ -7,16 +7,17 @@ use super::functions::times;
 use super::operator::{Operator, Parts, Rule, given};
 use super::reduce::{fold, infer, kept};
 use crate::builder::Builder;
+use crate::order::greater;
 use crate::site::Site;
-use crate::tensor::Tensor;
+use crate::tensor::{Element, Tensor};
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("ReduceProd", infer, product, Rule::Unknown),
-    Operator::new("ReduceL1", infer, |s, x| summed(s, x, f64::abs, |sum| sum), Rule::First(sizes)),
-    Operator::new("ReduceL2", infer, |s, x| summed(s, x, |x| x * x, libm::sqrt), Rule::First(length)),
-    Operator::new("ReduceLogSum", infer, |s, x| summed(s, x, |x| x, libm::log), Rule::First(log_sum)),
+    Operator::new("ReduceL1", infer, |s, x| summed(s, x, |_, x| x.abs(), |sum| sum), Rule::First(sizes)),
+    Operator::new("ReduceL2", infer, |s, x| summed(s, x, square, libm::sqrt), Rule::First(length)),
+    Operator::new("ReduceLogSum", infer, |s, x| summed(s, x, |_, x| x, libm::log), Rule::First(log_sum)),
     Operator::new("ReduceLogSumExp", infer, evaluate_log_sum_exp, Rule::First(log_sum_exp)),
-    Operator::new("ReduceSumSquare", infer, |s, x| summed(s, x, |x| x * x, |sum| sum), Rule::First(squares)),
+    Operator::new("ReduceSumSquare", infer, |s, x| summed(s, x, square, |sum| sum), Rule::First(squares)),
 ];
 
 /// Gives what is computed for each group the shape that comes out.
@@ -25,17 +26,24 @@ fn shaped(site: &Site<'_>, groups: Tensor) -> Result<Vec<Tensor>> {
 }
 
 fn product(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    shaped(site, fold(given(inputs, 0)?, &kept(site)?, 1.0, |product, x| product * x)?)
+    let input = given(inputs, 0)?;
+    shaped(site, fold(input, &kept(site)?, 1.0, |product, x| input.element.product(product, x))?)
+}
+
+fn square(element: Element, x: f64) -> f64 {
+    element.product(x, x)
 }
 
 /// A function of the sum of functions of the elements.
 fn summed(
     site: &Site<'_>,
     inputs: &[Option<&Tensor>],
-    of_each: fn(f64) -> f64,
+    of_each: fn(Element, f64) -> f64,
     of_sum: fn(f64) -> f64,
 ) -> Result<Vec<Tensor>> {
-    let mut sums = fold(given(inputs, 0)?, &kept(site)?, 0.0, |sum, x| sum + of_each(x))?;
+    let input = given(inputs, 0)?;
+    let element = input.element;
+    let mut sums = fold(input, &kept(site)?, 0.0, |sum, x| element.sum(sum, of_each(element, x)))?;
     sums.values.iter_mut().for_each(|sum| *sum = of_sum(*sum));
     shaped(site, sums)
 }
@@ -43,7 +51,7 @@ fn summed(
 fn evaluate_log_sum_exp(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let (x, kept) = (given(inputs, 0)?, kept(site)?);
     // Less the greatest of each group, so that nothing overflows.
-    let mut greatest = fold(x, &kept, f64::NEG_INFINITY, f64::max)?;
+    let mut greatest = fold(x, &kept, f64::NEG_INFINITY, greater)?;
     greatest.values.iter_mut().filter(|value| value.is_infinite()).for_each(|value| *value = 0.0);
     let mut values = x.values.iter();
     let powers = Tensor::from_fn(x.element, &x.shape, |at| {

@@ -4,6 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
+use crate::order::lesser;
 use crate::site::{Site, axes};
 use crate::tensor::{Tensor, elements};
 use crate::values::Fact;
@@ -103,7 +104,7 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
                 let x = x.clamp(0.0, last);
                 let (low, share) = (x.floor(), x - x.floor());
                 row[low as usize] += 1.0 - share;
-                row[(low + 1.0).min(last) as usize] += share;
+                row[lesser(low + 1.0, last) as usize] += share;
             }
             "cubic" => cubic(site, x, &mut row),
             other => return Err(Error::new(format!("its mode `{other}` is not known here"))),
@@ -158,6 +159,11 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
             });
             terms.sum()
         })?;
+    }
+    if image.element.is_integer() {
+        // Integers are cut. As 32-bit floats, weights whose sum is nearly 1 leave whole numbers whole.
+        let cut = |value: f64| image.element.saturated(f64::from(value as f32).trunc());
+        image.values.iter_mut().for_each(|value| *value = cut(*value));
     }
     Ok(vec![image])
 }

@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::taken;
 use super::operator::{Operator, Rule};
-use super::positions::{extreme, taken};
+use crate::order::{further, greater};
 use crate::site::Site;
 use crate::tensor::{Tensor, elements};
 use crate::values::Fact;
@@ -69,11 +70,11 @@ impl Bins {
         let (scale, is_shifted) = (site.float("spatial_scale", 1.0), is_shifted(site)?);
         let shift = if is_shifted { 0.5 } else { 0.0 };
         let [from, to] = ends.map(|end| end * scale - shift);
-        let length = if is_shifted { to - from } else { (to - from).max(1.0) };
+        let length = if is_shifted { to - from } else { greater(1.0, to - from) };
         let bin = length / bins as f64;
         let count = match site.int("sampling_ratio", 0) {
             ratio if ratio > 0 => ratio as f64,
-            _ => bin.ceil().max(0.0),
+            _ => greater(0.0, bin.ceil()),
         };
         match count <= MOST {
             true => Ok(Self { from, bin, count: count as usize }),
@@ -93,7 +94,7 @@ fn around(at: f64, length: usize) -> Option<[(usize, f64); 2]> {
     if !(at >= -1.0 && at <= length as f64) || length == 0 {
         return None;
     }
-    let at = at.max(0.0);
+    let at = greater(0.0, at);
     let low = at as usize;
     if low + 1 >= length {
         return Some([(length - 1, 1.0), (length - 1, 0.0)]);
@@ -133,8 +134,8 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
                     }
                     sum += parts.iter().sum::<f64>();
                     // The greatest of the weighted pixels, as in the operator's definition, and not of their sums.
-                    let most = parts.into_iter().fold(parts[0], |a, b| extreme(a, b, 1.0));
-                    greatest = Some(greatest.map_or(most, |greatest| extreme(greatest, most, 1.0)));
+                    let most = parts.into_iter().fold(parts[0], |a, b| further(a, b, 1.0));
+                    greatest = Some(greatest.map_or(most, |greatest| further(greatest, most, 1.0)));
                 }
                 values.push(match is_greatest {
                     true => greatest.unwrap_or(0.0),

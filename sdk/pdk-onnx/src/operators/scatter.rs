@@ -4,8 +4,10 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::gather_elements::{along, unfit};
+use super::inputs::taken;
 use super::operator::{Operator, Rule, same};
-use super::positions::{counted, extreme, index, product, strides, sum, taken};
+use super::positions::{counted, index, strides};
+use crate::order::further;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, for_each_position};
 use crate::values::Fact;
@@ -20,10 +22,10 @@ pub const OPERATORS: &[Operator] = &[
 fn join(site: &Site<'_>) -> Result<fn(Element, f64, f64) -> f64> {
     match site.text("reduction", "none") {
         "none" => Ok(|_, _, update| update),
-        "add" => Ok(sum),
-        "mul" => Ok(product),
-        "max" => Ok(|_, a, b| extreme(a, b, 1.0)),
-        "min" => Ok(|_, a, b| extreme(a, b, -1.0)),
+        "add" => Ok(Element::sum),
+        "mul" => Ok(Element::product),
+        "max" => Ok(|_, a, b| further(a, b, 1.0)),
+        "min" => Ok(|_, a, b| further(a, b, -1.0)),
         other => Err(Error::new(format!("its `reduction` `{other}` is not known here"))),
     }
 }

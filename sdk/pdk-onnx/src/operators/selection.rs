@@ -4,8 +4,8 @@ use std::cmp::Ordering;
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, single, taken};
 use super::operator::{Operator, Rule};
-use super::positions::{deciding, single, taken};
 use crate::site::{Site, axis};
 use crate::tensor::{Element, Tensor};
 use crate::values::Fact;
@@ -67,7 +67,7 @@ fn wanted(site: &Site<'_>) -> Result<(usize, usize)> {
     let shape = site.shape(0)?;
     let axis = axis(site.int("axis", -1), shape.len())?;
     let count = match deciding(site, 1)? {
-        Some(count) => single(&count, 1)? as i64,
+        Some(count) => single(&count, "count")? as i64,
         None => site.optional_int("k").ok_or_else(|| Error::new("its `k` is missing"))?,
     };
     match usize::try_from(count) {

@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{single, taken};
 use super::operator::{Operator, Rule, same};
-use super::positions::{index, single, strides, sum, taken};
+use super::positions::{index, strides};
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -15,7 +16,7 @@ pub const OPERATORS: &[Operator] = &[
 
 fn cumulate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let input = taken(site, inputs, 0)?;
-    let axis = axis(single(taken(site, inputs, 1)?, 1)? as i64, input.shape.len())?;
+    let axis = axis(single(taken(site, inputs, 1)?, "axis")? as i64, input.shape.len())?;
     let (exclusive, backwards) = (site.int("exclusive", 0) != 0, site.int("reverse", 0) != 0);
     let (length, inner) = (input.shape[axis], input.shape[axis + 1..].iter().product::<usize>());
     let mut result = input.clone();
@@ -25,7 +26,7 @@ fn cumulate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
             for place in 0..length {
                 let place = if backwards { length - 1 - place } else { place };
                 let value = &mut block[place * inner + column];
-                let next = sum(input.element, total, *value);
+                let next = input.element.sum(total, *value);
                 *value = if exclusive { total } else { next };
                 total = next;
             }

@@ -4,6 +4,7 @@ use pdk_sdk::error::Result;
 
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
+use crate::order::greater;
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
 
@@ -29,7 +30,7 @@ fn axes(site: &Site<'_>) -> Result<Vec<usize>> {
 
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>], finish: fn(f64) -> f64) -> Result<Vec<Tensor>> {
     each_group(site, inputs, |group| {
-        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
         let sum: f64 = group.iter().map(|value| libm::exp(value - greatest)).sum();
         let log = greatest + libm::log(sum);
         group.iter_mut().for_each(|value| *value = finish(*value - log));
@@ -61,7 +62,7 @@ fn each_group(
 /// 1 at the first of the greatest elements, else 0.
 fn hardmax(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     each_group(site, inputs, |group| {
-        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
         let first = group.iter().position(|value| *value == greatest);
         group.iter_mut().enumerate().for_each(|(at, value)| *value = f64::from(u8::from(first == Some(at))));
     })

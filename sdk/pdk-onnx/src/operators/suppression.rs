@@ -3,8 +3,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, optional, single};
 use super::operator::{Operator, Rule, given};
-use super::positions::{deciding, single};
+use crate::order::{greater, lesser};
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, shape_text};
 use crate::values::Fact;
@@ -24,7 +25,7 @@ impl Area {
         let [a, b, c, d] = [0, 1, 2, 3].map(|place| numbers.get(place).copied().unwrap_or(f64::NAN));
         match centred {
             true => Self { from: [a - c / 2.0, b - d / 2.0], to: [a + c / 2.0, b + d / 2.0] },
-            false => Self { from: [a.min(c), b.min(d)], to: [a.max(c), b.max(d)] },
+            false => Self { from: [lesser(a, c), lesser(b, d)], to: [greater(a, c), greater(b, d)] },
         }
     }
 
@@ -35,7 +36,9 @@ impl Area {
     /// The share of the intersection in the union.
     fn overlap(self, other: Self) -> f64 {
         let side = |axis: usize| {
-            (self.to[axis].min(other.to[axis]) - self.from[axis].max(other.from[axis])).max(0.0)
+            let (from, to) =
+                (greater(self.from[axis], other.from[axis]), lesser(self.to[axis], other.to[axis]));
+            greater(0.0, to - from)
         };
         let common = side(0) * side(1);
         let union = self.size() + other.size() - common;
@@ -52,8 +55,9 @@ fn remaining(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<[usize; 
     if batch != batches || count != scored {
         return Err(unfit(boxes, scores));
     }
-    let number =
-        |place: usize| inputs.get(place).copied().flatten().map(|tensor| single(tensor, place)).transpose();
+    let number = |place: usize| {
+        optional(inputs, place).map(|tensor| single(tensor, format_args!("input {}", place + 1))).transpose()
+    };
     let most = number(2)?.unwrap_or(0.0);
     let (overlap, least) = (number(3)?.unwrap_or(0.0), number(4)?);
     let centred = site.int("center_point_box", 0) != 0;

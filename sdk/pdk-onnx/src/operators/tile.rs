@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{deciding, taken};
 use super::operator::{Operator, Parts, Rule};
-use super::positions::{deciding, index, lengths, strides, taken};
+use super::positions::{index, lengths, strides};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::Tensor;

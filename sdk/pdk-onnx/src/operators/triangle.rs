@@ -2,8 +2,8 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::{optional, single, taken};
 use super::operator::{Operator, Parts, Rule};
-use super::positions::{single, taken};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, shape_text};
@@ -34,7 +34,7 @@ fn belongs(site: &Site<'_>, diagonal: i64, [row, column]: [usize; 2]) -> bool {
 fn triangle(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let shape = infer_triangle(site)?.swap_remove(0).shape;
     let input = taken(site, inputs, 0)?;
-    let diagonal = inputs.get(1).copied().flatten().map_or(Ok(0.0), |k| single(k, 1))? as i64;
+    let diagonal = optional(inputs, 1).map_or(Ok(0.0), |k| single(k, "diagonal"))? as i64;
     let rank = shape.len();
     let mut values = input.values.iter();
     let value = |at: &[usize]| {
@@ -46,7 +46,7 @@ fn triangle(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let shape = infer_triangle(site)?.swap_remove(0).shape;
-    let diagonal = site.constant(1)?.map_or(Ok(0.0), |k| single(&k, 1))? as i64;
+    let diagonal = site.constant(1)?.map_or(Ok(0.0), |k| single(&k, "diagonal"))? as i64;
     let mask = Tensor::from_fn(site.fact(0)?.element, &shape[shape.len() - 2..], |at| {
         f64::from(u8::from(belongs(site, diagonal, [at[0], at[1]])))
     });

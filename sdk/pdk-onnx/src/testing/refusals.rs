@@ -2,13 +2,13 @@
 
 use prost::Message;
 
-use super::Setting::Int;
+use super::Setting::{Int, Ints, Text};
 use super::Sketch;
 use crate::gradient::{Target, gradients, without_gradient};
 use crate::graph::Graph;
 use crate::model;
 use crate::proto::{ModelProto, ValueInfoProto};
-use crate::tensor::Tensor;
+use crate::tensor::{Element, Tensor};
 
 fn refusal(model: ModelProto, of: &str) -> String {
     let built =
@@ -140,6 +140,82 @@ fn open_shapes_and_damaged_files_are_refused() {
     );
 }
 
+/// A model for each family of operators without a gradient, whose input is `x` as above.
+fn without_gradients() -> Vec<ModelProto> {
+    let bytes = |s: &mut Sketch, name: &str, shape: &[usize]| {
+        s.weights(name, Tensor::filled(Element(2), shape, 3.0).unwrap())
+    };
+    let quantized = |s: &mut Sketch| {
+        let scale = s.drawn(&[4], 0.1, 1.0);
+        let zero = bytes(s, "zero", &[4]);
+        s.node("QuantizeLinear", &["x", &scale, &zero], "q", &[("axis", Int(2))]);
+    };
+    vec![
+        sketch(21, |s| {
+            quantized(s);
+            s.node("DequantizeLinear", &["q", "w0", "zero"], "y", &[("axis", Int(-1))]);
+        }),
+        sketch(13, |s| {
+            s.split("DynamicQuantizeLinear", &["x"], &["q", "scale", "zero"], &[]);
+            let w = bytes(s, "w", &[2, 1, 2, 2]);
+            s.node("ConvInteger", &["q", &w, "zero"], "y", &[("pads", Ints(&[1, 1, 0, 0]))]);
+        }),
+        sketch(13, |s| {
+            quantized(s);
+            let (one, zero, w) = (s.drawn(&[], 0.1, 1.0), bytes(s, "z", &[]), bytes(s, "w", &[2, 1, 2, 2]));
+            let all = ["q", &one, &zero, &w, &one, &zero, &one, &zero];
+            s.node("QLinearConv", &all, "c", &[]);
+            let w = bytes(s, "m", &[3, 2]);
+            s.node("QLinearMatMul", &["c", &one, &zero, &w, &one, &zero, &one, &zero], "p", &[]);
+            let w = bytes(s, "n", &[2, 3]);
+            s.node("MatMulInteger", &["p", &w], "y", &[]);
+        }),
+        sketch(14, |s| {
+            let three = s.ints(&[1, 4, 4]);
+            s.node("Reshape", &["x", &three], "r", &[]);
+            let (w, r) = (s.drawn(&[1, 8, 4], -1.0, 1.0), s.drawn(&[1, 8, 2], -1.0, 1.0));
+            let (b, lengths) = (s.drawn(&[1, 16], -1.0, 1.0), s.ints(&[1, 1, 0, 1]));
+            let (h, p) = (s.drawn(&[1, 4, 2], -1.0, 1.0), s.drawn(&[1, 6], -1.0, 1.0));
+            let settings = [("hidden_size", Int(2)), ("direction", Text("reverse"))];
+            s.split("LSTM", &["r", &w, &r, &b, &lengths, &h, &h, &p], &["", "", "y"], &settings);
+        }),
+    ]
+}
+
+#[test]
+fn damaged_models_of_integers_and_sequences_never_panic() {
+    let x = Tensor::floats(&[1, 1, 4, 4], (0..16).map(f64::from).collect());
+    let computed = |graph: Graph| graph.evaluate(&[("x", &x)], &["y"]);
+    for model in without_gradients() {
+        assert_eq!(Graph::new(model.clone()).and_then(computed).map(|values| values.len()), Ok(1));
+        let whole = model.encode_to_vec();
+        for place in 0..whole.len() {
+            for change in [0x55, 1, 2, 0x80] {
+                let mut damaged = whole.clone();
+                damaged[place] ^= change;
+                let _ = model::decode(&damaged).and_then(Graph::new).and_then(computed);
+            }
+        }
+    }
+}
+
+#[test]
+fn batch_normalization_for_training_is_refused() {
+    let model = |opset: i64, outputs: &[&str], mode: i64| {
+        sketch(opset, |s| {
+            let w = s.drawn(&[1], 0.5, 1.0);
+            s.split("BatchNormalization", &["x", &w, &w, &w, &w], outputs, &[("training_mode", Int(mode))]);
+        })
+    };
+    for model in [model(15, &["y"], 1), model(9, &["y", "mean"], 0)] {
+        let error = refusal(model, "x");
+        assert!(error.ends_with("it is set to training; export the model for inference"), "{error}");
+    }
+    for (opset, outputs) in [(15, &["y"][..]), (9, &["y", ""])] {
+        assert!(Graph::new(model(opset, outputs, 0)).unwrap().fact("y").is_ok());
+    }
+}
+
 #[test]
 fn tensors_that_would_be_huge_are_refused() {
     let model = sketch(13, |s| {
@@ -152,6 +228,23 @@ fn tensors_that_would_be_huge_are_refused() {
         s.node("Pad", &["x", &pads], "y", &[]);
     });
     assert!(refusal(model, "x").contains("do not fit an axis of the length 4"));
+    let model = sketch(13, |s| {
+        let w = s.drawn(&[1, 1, 2, 2], -1.0, 1.0);
+        s.node("Conv", &["x", &w], "y", &[("pads", Ints(&[i64::MAX, 0, i64::MAX, 0]))]);
+    });
+    assert!(refusal(model, "x").ends_with("but can be 1073741824 at most"));
+}
+
+#[test]
+fn nothing_is_repeated_along_an_empty_axis() {
+    for mode in ["edge", "reflect", "wrap"] {
+        let model = sketch(19, |s| {
+            let (empty, pads) = (s.drawn(&[0], -1.0, 1.0), s.ints(&[1, 1]));
+            s.node("Pad", &[&empty, &pads], "y", &[("mode", Text(mode))]);
+        });
+        let error = Graph::new(model).unwrap().fact("y").unwrap_err().to_string();
+        assert!(error.contains("has nothing to repeat along an axis of the length 0"), "{error}");
+    }
 }
 
 #[test]
