@@ -64,11 +64,15 @@ fn sqrt(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     Ok(vec![(0, b.binary("Div", &half, site.output(0)?)?)])
 }
 
-fn abs(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    let x = site.input(0)?;
+/// 1 above 0 and -1 below it.
+pub fn sign(b: &mut Builder, x: &str) -> Result<String> {
     let zero = b.number(x, 0.0)?;
     let (above, below) = (b.mask("Greater", x, &zero)?, b.mask("Less", x, &zero)?);
-    let sign = b.binary("Sub", &above, &below)?;
+    b.binary("Sub", &above, &below)
+}
+
+fn abs(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let sign = sign(b, site.input(0)?)?;
     times(b, g, &sign)
 }
 

@@ -5,11 +5,15 @@ use pdk_sdk::error::{Error, Result};
 use super::inputs::taken;
 use super::operator::{Operator, Rule};
 use super::positions::strides;
+use super::resize::cubic_weight;
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("GridSample", infer, evaluate, Rule::Unknown)];
+
+/// The coefficient of cubic interpolation.
+const COEFFICIENT: f64 = -0.75;
 
 /// How a value between pixels follows from those around it.
 #[derive(Clone, Copy)]
@@ -84,9 +88,9 @@ impl Setup {
         let taps = match self.mode {
             Mode::Nearest => vec![(at.round_ties_even(), 1.0)],
             Mode::Linear => vec![(below, 1.0 - (at - below)), (below + 1.0, at - below)],
-            Mode::Cubic => {
-                (-1..3).map(|k| (below + f64::from(k), cubic(at - below - f64::from(k)))).collect()
-            }
+            Mode::Cubic => (-1..3)
+                .map(|k| (below + f64::from(k), cubic_weight(COEFFICIENT, at - below - f64::from(k))))
+                .collect(),
         };
         taps.into_iter().filter_map(|(at, weight)| Some((self.pixel(at, whole)?, weight))).collect()
     }
@@ -102,17 +106,6 @@ impl Setup {
         };
         // What is not a number becomes 0.
         Some(at.clamp(0.0, length - 1.0) as usize)
-    }
-}
-
-/// The weight of a pixel at a distance in cubic interpolation.
-fn cubic(distance: f64) -> f64 {
-    const A: f64 = -0.75;
-    let d = distance.abs();
-    match d {
-        _ if d <= 1.0 => ((A + 2.0) * d - (A + 3.0)) * d * d + 1.0,
-        _ if d < 2.0 => ((A * d - 5.0 * A) * d + 8.0 * A) * d - 4.0 * A,
-        _ => 0.0,
     }
 }
 

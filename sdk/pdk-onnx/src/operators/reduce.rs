@@ -14,13 +14,13 @@ pub const OPERATORS: &[Operator] = &[
         "ReduceSum",
         infer,
         |site, inputs| sum(site, inputs, |_| 1.0),
-        Rule::First(|s, b, g| spread(s, b, g, |_| 1.0)),
+        Rule::First(|s, b, g| share_out(s, b, g, |_| 1.0)),
     ),
     Operator::new(
         "ReduceMean",
         infer,
         |site, inputs| sum(site, inputs, |count| count as f64),
-        Rule::First(|s, b, g| spread(s, b, g, share)),
+        Rule::First(|s, b, g| share_out(s, b, g, share)),
     ),
     Operator::new(
         "ReduceMax",
@@ -115,12 +115,17 @@ pub fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) 
     Ok(folded)
 }
 
-fn spread(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -> Result<Parts> {
-    let (shape, kept) = (site.shape(0)?, kept(site)?);
-    let count = shape.iter().product::<usize>() / kept.iter().product::<usize>().max(1);
-    let g = b.reshape(g, &kept)?;
-    let g = b.scale(&g, weight(count))?;
-    Ok(vec![(0, b.spread(&g, shape)?)])
+/// A value of each group, such as the gradient, at each element of the group.
+pub fn spread(site: &Site<'_>, b: &mut Builder, groups: &str) -> Result<String> {
+    let groups = b.reshape(groups, &kept(site)?)?;
+    b.spread(&groups, site.shape(0)?)
+}
+
+/// The gradient goes to all elements of a group, with the weight that belongs to their number.
+fn share_out(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -> Result<Parts> {
+    let count = site.shape(0)?.iter().product::<usize>() / kept(site)?.iter().product::<usize>().max(1);
+    let g = b.scale(g, weight(count))?;
+    Ok(vec![(0, spread(site, b, &g)?)])
 }
 
 /// The gradient goes to the elements that equal what was found, in equal shares; all others are `beyond` it, by this operator.

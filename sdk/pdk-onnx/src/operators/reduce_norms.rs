@@ -3,9 +3,9 @@
 
 use pdk_sdk::error::Result;
 
-use super::functions::times;
+use super::functions::{sign, times};
 use super::operator::{Operator, Parts, Rule, given};
-use super::reduce::{fold, infer, kept};
+use super::reduce::{fold, infer, kept, spread};
 use crate::builder::Builder;
 use crate::order::greater;
 use crate::site::Site;
@@ -63,17 +63,8 @@ fn evaluate_log_sum_exp(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<V
     shaped(site, sums)
 }
 
-/// A value of each group, such as the gradient, at each element of the group.
-fn spread(site: &Site<'_>, b: &mut Builder, groups: &str) -> Result<String> {
-    let groups = b.reshape(groups, &kept(site)?)?;
-    b.spread(&groups, site.shape(0)?)
-}
-
 fn sizes(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    let x = site.input(0)?;
-    let zero = b.number(x, 0.0)?;
-    let (above, below) = (b.mask("Greater", x, &zero)?, b.mask("Less", x, &zero)?);
-    let sign = b.binary("Sub", &above, &below)?;
+    let sign = sign(b, site.input(0)?)?;
     let g = spread(site, b, g)?;
     times(b, &g, &sign)
 }

@@ -114,14 +114,19 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
     (0..size).map(row).collect()
 }
 
-/// The weights of cubic interpolation at `x`.
-fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
-    let a = site.float("cubic_coeff_a", -0.75);
-    let weight = |d: f64| match d.abs() {
+/// The weight of an element at a distance in cubic interpolation with a coefficient.
+pub fn cubic_weight(a: f64, distance: f64) -> f64 {
+    match distance.abs() {
         d if d <= 1.0 => ((a + 2.0) * d - (a + 3.0)) * d * d + 1.0,
         d if d < 2.0 => ((a * d - 5.0 * a) * d + 8.0 * a) * d - 4.0 * a,
         _ => 0.0,
-    };
+    }
+}
+
+/// The weights of cubic interpolation at `x`.
+fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
+    let a = site.float("cubic_coeff_a", -0.75);
+    let weight = |distance: f64| cubic_weight(a, distance);
     let excluded = site.int("exclude_outside", 0) != 0;
     let (mut sum, last) = (0.0, row.len() as f64 - 1.0);
     for tap in -1..=2 {

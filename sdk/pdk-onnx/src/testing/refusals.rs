@@ -4,11 +4,12 @@ use prost::Message;
 
 use super::Setting::{Int, Ints, Text};
 use super::Sketch;
+use super::damaged::damage;
 use crate::gradient::{Target, gradients, without_gradient};
 use crate::graph::Graph;
 use crate::model;
 use crate::proto::{ModelProto, ValueInfoProto};
-use crate::tensor::{Element, Tensor};
+use crate::tensor::Tensor;
 
 fn refusal(model: ModelProto, of: &str) -> String {
     let built =
@@ -16,7 +17,8 @@ fn refusal(model: ModelProto, of: &str) -> String {
     built.err().expect("it is refused").to_string()
 }
 
-fn sketch(opset: i64, build: impl Fn(&mut Sketch)) -> ModelProto {
+/// A model whose input `x` is an image.
+pub(super) fn sketch(opset: i64, build: impl Fn(&mut Sketch)) -> ModelProto {
     let mut sketch = Sketch::new(opset);
     sketch.input("x", &[1, 1, 4, 4]);
     build(&mut sketch);
@@ -110,14 +112,9 @@ fn open_shapes_and_damaged_files_are_refused() {
         let _ = model::decode(&whole[..length]).and_then(Graph::new);
     }
     assert!(model::decode(&whole[..whole.len() / 2]).is_err());
-    for place in 0..whole.len() {
-        let mut damaged = whole.clone();
-        damaged[place] ^= 0x55;
-        let target = Target { value: "y", index: 0 };
-        let _ = model::decode(&damaged)
-            .and_then(Graph::new)
-            .and_then(|graph| gradients(&graph, target, &["x"], &[]));
-    }
+    damage(&model, &[0x55], |graph| {
+        let _ = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]);
+    });
     let dims = &mut model.graph.as_mut().unwrap().input[0]
         .r#type
         .as_mut()
@@ -138,65 +135,6 @@ fn open_shapes_and_damaged_files_are_refused() {
         ),
         "{error}"
     );
-}
-
-/// A model for each family of operators without a gradient, whose input is `x` as above.
-fn without_gradients() -> Vec<ModelProto> {
-    let bytes = |s: &mut Sketch, name: &str, shape: &[usize]| {
-        s.weights(name, Tensor::filled(Element(2), shape, 3.0).unwrap())
-    };
-    let quantized = |s: &mut Sketch| {
-        let scale = s.drawn(&[4], 0.1, 1.0);
-        let zero = bytes(s, "zero", &[4]);
-        s.node("QuantizeLinear", &["x", &scale, &zero], "q", &[("axis", Int(2))]);
-    };
-    vec![
-        sketch(21, |s| {
-            quantized(s);
-            s.node("DequantizeLinear", &["q", "w0", "zero"], "y", &[("axis", Int(-1))]);
-        }),
-        sketch(13, |s| {
-            s.split("DynamicQuantizeLinear", &["x"], &["q", "scale", "zero"], &[]);
-            let w = bytes(s, "w", &[2, 1, 2, 2]);
-            s.node("ConvInteger", &["q", &w, "zero"], "y", &[("pads", Ints(&[1, 1, 0, 0]))]);
-        }),
-        sketch(13, |s| {
-            quantized(s);
-            let (one, zero, w) = (s.drawn(&[], 0.1, 1.0), bytes(s, "z", &[]), bytes(s, "w", &[2, 1, 2, 2]));
-            let all = ["q", &one, &zero, &w, &one, &zero, &one, &zero];
-            s.node("QLinearConv", &all, "c", &[]);
-            let w = bytes(s, "m", &[3, 2]);
-            s.node("QLinearMatMul", &["c", &one, &zero, &w, &one, &zero, &one, &zero], "p", &[]);
-            let w = bytes(s, "n", &[2, 3]);
-            s.node("MatMulInteger", &["p", &w], "y", &[]);
-        }),
-        sketch(14, |s| {
-            let three = s.ints(&[1, 4, 4]);
-            s.node("Reshape", &["x", &three], "r", &[]);
-            let (w, r) = (s.drawn(&[1, 8, 4], -1.0, 1.0), s.drawn(&[1, 8, 2], -1.0, 1.0));
-            let (b, lengths) = (s.drawn(&[1, 16], -1.0, 1.0), s.ints(&[1, 1, 0, 1]));
-            let (h, p) = (s.drawn(&[1, 4, 2], -1.0, 1.0), s.drawn(&[1, 6], -1.0, 1.0));
-            let settings = [("hidden_size", Int(2)), ("direction", Text("reverse"))];
-            s.split("LSTM", &["r", &w, &r, &b, &lengths, &h, &h, &p], &["", "", "y"], &settings);
-        }),
-    ]
-}
-
-#[test]
-fn damaged_models_of_integers_and_sequences_never_panic() {
-    let x = Tensor::floats(&[1, 1, 4, 4], (0..16).map(f64::from).collect());
-    let computed = |graph: Graph| graph.evaluate(&[("x", &x)], &["y"]);
-    for model in without_gradients() {
-        assert_eq!(Graph::new(model.clone()).and_then(computed).map(|values| values.len()), Ok(1));
-        let whole = model.encode_to_vec();
-        for place in 0..whole.len() {
-            for change in [0x55, 1, 2, 0x80] {
-                let mut damaged = whole.clone();
-                damaged[place] ^= change;
-                let _ = model::decode(&damaged).and_then(Graph::new).and_then(computed);
-            }
-        }
-    }
 }
 
 #[test]
