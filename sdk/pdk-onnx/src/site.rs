@@ -90,9 +90,9 @@ impl<'a> Site<'a> {
         self.attribute(name).and_then(|attribute| attribute.i).unwrap_or(default)
     }
 
-    /// An attribute that is a number.
-    pub fn float(&self, name: &str, default: f64) -> f64 {
-        self.attribute(name).and_then(|attribute| attribute.f).map_or(default, f64::from)
+    /// An attribute that is a number. Those that are left out are 32-bit floats too.
+    pub fn float(&self, name: &str, default: f32) -> f64 {
+        self.attribute(name).and_then(|attribute| attribute.f).unwrap_or(default).into()
     }
 
     /// An attribute of whole numbers; nothing if it is left out.

@@ -138,7 +138,13 @@ impl Tensor {
         self
     }
 
-    /// The same, but 32-bit floats keep the digits of the 64-bit floats that they are computed as: so differences show slopes.
+    /// Whether each element is as its type holds it.
+    pub(crate) fn is_rounded(&self) -> bool {
+        let is_rounded = |value: &f64| value.is_nan() || self.element.rounded(*value) == *value;
+        self.element == Element::DOUBLE || self.values.iter().all(is_rounded)
+    }
+
+    /// What [`Self::rounded`] gives, but 32-bit floats keep the digits of the 64-bit floats that they are computed as: so differences show slopes.
     pub(crate) fn fitted(self) -> Self {
         if self.element == Element::FLOAT { self } else { self.rounded() }
     }

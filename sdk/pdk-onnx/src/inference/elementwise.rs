@@ -74,7 +74,9 @@ impl Operation for Unary {
             Function::Sqrt => each(input, into, f32::sqrt),
             Function::Round => each(input, into, round),
             Function::Floor => each(input, into, |x| if round(x) > x { round(x) - 1.0 } else { round(x) }),
-            Function::Ceil => each(input, into, |x| if round(x) < x { round(x) + 1.0 } else { round(x) }),
+            Function::Ceil => {
+                each(input, into, |x| if round(x) < x { (round(x) + 1.0).copysign(x) } else { round(x) })
+            }
             Function::Reciprocal => each(input, into, |x| 1.0 / x),
         }
         Ok(())

@@ -33,7 +33,7 @@ pub struct Product {
 struct Sum {
     factor: f32,
     addend_factor: f32,
-    /// The element of the addend for each of the result; none if there is no addend.
+    /// The element of the addend for each of the result, if there is an addend.
     addend: Option<Vec<u32>>,
 }
 

@@ -97,7 +97,11 @@ impl<'a> Plan<'a> {
     fn constant(&self, name: &str) -> Result<Option<Arc<Tensor>>> {
         match self.constants.get(name) {
             Some(tensor) => Ok(Some(tensor.clone())),
-            None => self.graph.constant(name),
+            // The graph keeps more digits of what it computes from constants.
+            None => Ok(self.graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
+                true => tensor,
+                false => Arc::new(Tensor::clone(&tensor).rounded()),
+            })),
         }
     }
 

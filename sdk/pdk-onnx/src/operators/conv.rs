@@ -43,13 +43,19 @@ pub fn group(
     )))
 }
 
+/// Checks that the bias, if there is one, has a number for each filter.
+pub fn check_bias(site: &Site<'_>, filters: usize) -> Result<()> {
+    if site.optional(2).is_none() || site.shape(2)? == [filters] {
+        return Ok(());
+    }
+    let found = shape_text(site.shape(2)?);
+    Err(Error::new(format!("its bias has the shape {found}, but there are {filters} filters")))
+}
+
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let (window, _) = window(site)?;
     let filters = site.shape(1)?[0];
-    if site.optional(2).is_some() && site.shape(2)? != [filters] {
-        let found = shape_text(site.shape(2)?);
-        return Err(Error::new(format!("its bias has the shape {found}, but there are {filters} filters")));
-    }
+    check_bias(site, filters)?;
     let shape = [site.shape(0)?[0], filters].into_iter().chain(window.output).collect();
     Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }

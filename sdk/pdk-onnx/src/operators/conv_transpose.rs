@@ -1,13 +1,13 @@
 //! `ConvTranspose`: its gradient is a convolution with the same weights. That of the weights is one of the gradient with its input.
 
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 
 use super::conv;
 use super::inputs::optional;
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, shape_text};
+use crate::tensor::Tensor;
 use crate::values::Fact;
 use crate::window::Window;
 
@@ -23,10 +23,7 @@ pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let (window, group) = window(site)?;
     let filters = site.shape(1)?[1].saturating_mul(group);
-    if site.optional(2).is_some() && site.shape(2)? != [filters] {
-        let found = shape_text(site.shape(2)?);
-        return Err(Error::new(format!("its bias has the shape {found}, but there are {filters} filters")));
-    }
+    conv::check_bias(site, filters)?;
     let shape = [site.shape(0)?[0], filters].into_iter().chain(window.input).collect();
     Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }

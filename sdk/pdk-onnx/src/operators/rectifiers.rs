@@ -59,7 +59,7 @@ fn bent(site: &Site<'_>, b: &mut Builder, g: &str, slope: f64, [factor, term]: [
 
 /// The factor of the exponential function, and that of all.
 fn of_selu(site: &Site<'_>) -> (f64, f64) {
-    (site.float("alpha", 1.673_263_192_176_818_8), site.float("gamma", 1.050_701_022_148_132_3))
+    (site.float("alpha", 1.673_263_2), site.float("gamma", 1.050_701))
 }
 
 fn evaluate_selu(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
