@@ -101,6 +101,45 @@ fn programs_choose_zeros_and_what_is_not_a_number_as_the_rules_do() {
 }
 
 #[test]
+fn elements_are_moved_as_the_rules_move_them() {
+    let movements: [(&[usize], fn(&mut Sketch)); 4] = [
+        (&[2, 3], |s| {
+            let condition = Tensor { element: Element::BOOL, ..Tensor::ints(&[1, 0, 1]) };
+            let condition = s.weights("condition", condition);
+            s.node("Compress", &["x", &condition], "y", &[("axis", Setting::Int(1))]);
+        }),
+        (&[2], |s| {
+            let (indices, depth) = (s.ints(&[2, -1, 9]), s.ints(&[4]));
+            s.node("OneHot", &[&indices, &depth, "x"], "y", &[]);
+        }),
+        (&[1, 1, 2, 2], |s| {
+            let places = Tensor { shape: vec![1, 1, 2, 2], ..Tensor::ints(&[0, 3, 9, 12]) };
+            let places = s.weights("places", places);
+            s.node(
+                "MaxUnpool",
+                &["x", &places],
+                "y",
+                &[("kernel_shape", Setting::Ints(&[2, 2])), ("strides", Setting::Ints(&[2, 2]))],
+            );
+        }),
+        (&[2, 3], |s| {
+            let places = Tensor { shape: vec![1, 3], ..Tensor::ints(&[1, 0, -1]) };
+            let places = s.weights("places", places);
+            let updates = s.drawn(&[1, 3], -1.0, 1.0);
+            s.node("ScatterElements", &["x", &places, &updates], "y", &[]);
+        }),
+    ];
+    for (shape, build) in movements {
+        let mut s = Sketch::new(13);
+        s.input("x", shape);
+        build(&mut s);
+        let x = Tensor::floats(shape, (0..shape.iter().product()).map(|at: usize| at as f64 - 1.5).collect());
+        let [found, expected] = both(&s, &x);
+        assert_eq!(found, expected, "{shape:?}");
+    }
+}
+
+#[test]
 #[ignore = "bench"]
 fn bench() {
     for path in std::env::var("NETS").unwrap().split(',') {

@@ -100,14 +100,8 @@ fn sums(
         Some(zeros) => by_channel(weights, zeros, 0, "zero point", |w, zero| w - zero)?,
         None => weights.clone(),
     };
-    Ok(wrapped(conv::convolve(site, &image, &weights, bias)?))
-}
-
-/// Sums in 32 bits.
-fn wrapped(mut sums: Tensor) -> Tensor {
-    sums.element = Element::INT32;
-    sums.values.iter_mut().for_each(|value| *value = Element::INT32.wrapped(*value as i128));
-    sums
+    let sums = conv::convolve(site, &image, &weights, bias)?;
+    Ok(Tensor { element: Element::INT32, ..sums }.rounded())
 }
 
 /// The products of centred matrices, in 32 bits.
