@@ -79,7 +79,7 @@ pub fn looks(graph: &Graph, image: &str, height: usize, width: usize) -> HashMap
     known
 }
 
-/// Changes each axis of the image by the windows along it; behind a window there is no look along the batch or the channels.
+/// Changes each axis of the image by the windows along it; behind a window nothing looks along the batch or the channels.
 fn along_windows(looks: &mut Looks, window: &Window, change: fn(Look, usize, usize, f64, usize) -> Look) {
     for (axis, look) in looks.iter_mut().enumerate() {
         *look = look.filter(|_| axis >= 2).map(|look| {

@@ -173,7 +173,7 @@ impl Graph {
     /// Type and shape of a value.
     ///
     /// # Errors
-    /// If there is no such value, or why they are not known.
+    /// If the value is missing, or why they are not known.
     pub fn fact(&self, name: &str) -> Result<&Fact> {
         self.values.fact(name)
     }

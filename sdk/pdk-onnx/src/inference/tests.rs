@@ -100,9 +100,12 @@ fn programs_choose_zeros_and_what_is_not_a_number_as_the_rules_do() {
     }
 }
 
+/// The shape of `x`, and what adds the nodes.
+type Movement = (&'static [usize], fn(&mut Sketch));
+
 #[test]
 fn elements_are_moved_as_the_rules_move_them() {
-    let movements: [(&[usize], fn(&mut Sketch)); 4] = [
+    let movements: [Movement; 4] = [
         (&[2, 3], |s| {
             let condition = Tensor { element: Element::BOOL, ..Tensor::ints(&[1, 0, 1]) };
             let condition = s.weights("condition", condition);

@@ -108,7 +108,7 @@ pub fn relative_error(found: &[f64], expected: &[f64]) -> f64 {
 /// Checks the gradient of a case by central differences, in each version of the operator set that has it.
 ///
 /// # Panics
-/// If they differ, or there is no such case.
+/// If they differ, or the case is not known.
 #[cfg(test)]
 pub(crate) fn check(name: &str) {
     let case =
