@@ -37,8 +37,9 @@ impl Graph {
             let outputs =
                 (operator.shapes.evaluate)(&Site::new(&self.values, node), &inputs).place(describe(node))?;
             for (name, tensor) in node.output.iter().zip(outputs) {
-                if !names.contains(name.as_str()) {
-                    known.insert(name, Cow::Owned(tensor));
+                // An output that is left out has an empty name, as has an input that is left out.
+                if !name.is_empty() && !names.contains(name.as_str()) {
+                    known.insert(name, Cow::Owned(tensor.fitted()));
                 }
             }
         }

@@ -79,7 +79,7 @@ pub fn looks(graph: &Graph, image: &str, height: usize, width: usize) -> HashMap
     known
 }
 
-/// Changes each axis of the image by the windows along it; behind a window there is no look along the batch or the channels.
+/// Changes each axis of the image by the windows along it; behind a window nothing looks along the batch or the channels.
 fn along_windows(looks: &mut Looks, window: &Window, change: fn(Look, usize, usize, f64, usize) -> Look) {
     for (axis, look) in looks.iter_mut().enumerate() {
         *look = look.filter(|_| axis >= 2).map(|look| {
@@ -169,8 +169,18 @@ fn leaves_places(node: &NodeProto) -> bool {
             | "Div"
             | "Pow"
             | "Sum"
+            | "Mean"
             | "Min"
             | "Max"
+            | "Mod"
+            | "BitShift"
+            | "BitwiseAnd"
+            | "BitwiseOr"
+            | "BitwiseXor"
+            | "BitwiseNot"
+            | "Xor"
+            | "IsNaN"
+            | "IsInf"
             | "Where"
             | "Sqrt"
             | "Neg"
@@ -183,13 +193,25 @@ fn leaves_places(node: &NodeProto) -> bool {
             | "Reciprocal"
             | "Sin"
             | "Cos"
+            | "Tan"
+            | "Asin"
+            | "Acos"
+            | "Atan"
+            | "Sinh"
+            | "Cosh"
+            | "Asinh"
+            | "Acosh"
+            | "Atanh"
             | "Relu"
             | "LeakyRelu"
             | "PRelu"
             | "Elu"
             | "Celu"
             | "Selu"
+            | "ThresholdedRelu"
+            | "Shrink"
             | "Mish"
+            | "Swish"
             | "HardSigmoid"
             | "HardSwish"
             | "Softplus"
@@ -199,12 +221,19 @@ fn leaves_places(node: &NodeProto) -> bool {
             | "Identity"
             | "Dropout"
             | "Cast"
+            | "CastLike"
+            | "QuantizeLinear"
+            | "DequantizeLinear"
             | "BatchNormalization"
             | "LayerNormalization"
             | "InstanceNormalization"
             | "GroupNormalization"
+            | "MeanVarianceNormalization"
+            | "RMSNormalization"
+            | "LpNormalization"
             | "Softmax"
             | "LogSoftmax"
+            | "Hardmax"
             | "LRN"
     )
 }

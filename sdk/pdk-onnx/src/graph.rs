@@ -146,7 +146,7 @@ impl Graph {
         // A value that cannot be computed is not a constant, and the code that needs one reports it.
         let Ok(tensors) = (operator.evaluate)(&Site::new(&self.values, node), &inputs) else { return };
         for (name, tensor) in node.output.iter().zip(tensors) {
-            self.values.keep(name, tensor);
+            self.values.keep(name, tensor.fitted());
         }
     }
 
@@ -173,7 +173,7 @@ impl Graph {
     /// Type and shape of a value.
     ///
     /// # Errors
-    /// If there is no such value, or why they are not known.
+    /// If the value is missing, or why they are not known.
     pub fn fact(&self, name: &str) -> Result<&Fact> {
         self.values.fact(name)
     }

@@ -2,10 +2,12 @@
 //!
 //! [`model`] reads files, [`graph`] knows the type and shape of each of its [`values`], [`gradient`] walks the graph backwards,
 //! [`operators`] holds a file for each operator or family with its rules, and [`evaluate`] computes values plainly in 64-bit
-//! floats, as the reference. [`field`] tells where on the image a cell of a layer looks.
+//! floats, as the reference. [`inference`] runs graphs in 32-bit floats. [`field`] tells where on the image a cell of a layer looks.
 
 mod attributes;
 mod builder;
+mod bytes;
+mod element;
 mod evaluate;
 pub mod field;
 pub mod gradient;
@@ -13,8 +15,10 @@ pub mod graph;
 pub mod inference;
 pub mod layers;
 pub mod model;
+mod narrow;
 pub mod objective;
 mod operators;
+mod order;
 pub mod proto;
 mod shapes;
 mod site;

@@ -95,9 +95,9 @@ impl<'a> Site<'a> {
         self.attribute(name).and_then(|attribute| attribute.i).unwrap_or(default)
     }
 
-    /// An attribute that is a number.
-    pub fn float(&self, name: &str, default: f64) -> f64 {
-        self.attribute(name).and_then(|attribute| attribute.f).map_or(default, f64::from)
+    /// An attribute that is a number. Those that are left out are 32-bit floats too.
+    pub fn float(&self, name: &str, default: f32) -> f64 {
+        self.attribute(name).and_then(|attribute| attribute.f).unwrap_or(default).into()
     }
 
     /// An attribute of whole numbers; nothing if it is left out.
@@ -111,6 +111,12 @@ impl<'a> Site<'a> {
             .and_then(|a| a.s.as_deref())
             .and_then(|s| std::str::from_utf8(s).ok())
             .unwrap_or(default)
+    }
+
+    /// An attribute of texts; nothing if it is left out.
+    pub fn texts(&self, name: &str) -> Option<Vec<&'a str>> {
+        let texts = self.attribute(name)?.strings.iter();
+        Some(texts.map(|text| std::str::from_utf8(text).unwrap_or_default()).collect())
     }
 
     /// An attribute that is a tensor; nothing if it is left out.

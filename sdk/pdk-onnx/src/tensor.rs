@@ -1,67 +1,10 @@
 //! Tensors with known elements, held as 64-bit floats whatever their type.
 
-use std::fmt;
-
 use pdk_sdk::error::{Error, Result};
 
+use crate::bytes;
+pub use crate::element::Element;
 use crate::proto::TensorProto;
-
-/// The type of a tensor's elements, by its number in ONNX.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Element(pub i32);
-
-impl Element {
-    /// 32-bit float.
-    pub const FLOAT: Self = Self(1);
-    /// 32-bit signed integer.
-    pub const INT32: Self = Self(6);
-    /// 64-bit signed integer.
-    pub const INT64: Self = Self(7);
-    /// True or false.
-    pub const BOOL: Self = Self(9);
-    /// 16-bit float.
-    pub const FLOAT16: Self = Self(10);
-    /// 64-bit float.
-    pub const DOUBLE: Self = Self(11);
-
-    /// Whether elements are real numbers.
-    pub fn is_float(self) -> bool {
-        matches!(self.0, 1 | 10 | 11 | 16)
-    }
-
-    /// The number of bytes of an element; nothing for texts and rare types.
-    fn bytes(self) -> Option<usize> {
-        match self.0 {
-            2 | 3 | 9 => Some(1),
-            4 | 5 | 10 | 16 => Some(2),
-            1 | 6 | 12 => Some(4),
-            7 | 11 | 13 => Some(8),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for Element {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.0 {
-            1 => "FLOAT",
-            2 => "UINT8",
-            3 => "INT8",
-            4 => "UINT16",
-            5 => "INT16",
-            6 => "INT32",
-            7 => "INT64",
-            8 => "STRING",
-            9 => "BOOL",
-            10 => "FLOAT16",
-            11 => "DOUBLE",
-            12 => "UINT32",
-            13 => "UINT64",
-            16 => "BFLOAT16",
-            _ => "of a rare type",
-        })
-    }
-}
 
 /// The most elements that a tensor may have: more than any driving model needs, and a damaged file may say anything.
 const MAX_ELEMENTS: usize = 1 << 30;
@@ -160,19 +103,26 @@ impl Tensor {
                 11 => proto.double_data.clone(),
                 7 => proto.int64_data.iter().map(|&value| value as f64).collect(),
                 12 | 13 => proto.uint64_data.iter().map(|&value| value as f64).collect(),
-                10 => proto.int32_data.iter().map(|&bits| half(bits as u16)).collect(),
-                16 => proto.int32_data.iter().map(|&bits| brain(bits as u16)).collect(),
+                10 | 16..=20 => {
+                    let bits = proto.int32_data.iter();
+                    bits.map(|&bits| bytes::float(element, bits as u16).unwrap_or(f64::NAN)).collect()
+                }
+                21 | 22 => bytes::nibbles(element, proto.int32_data.iter().map(|&byte| byte as u8), count),
                 2..=6 | 9 => proto.int32_data.iter().map(|&value| f64::from(value)).collect(),
                 _ => return Err(Error::new(format!("its elements are {element}, but have to be numbers"))),
             }
+        } else if bytes::is_packed(element) {
+            if proto.raw_data.len() != count.div_ceil(2) {
+                return Err(contradiction(&shape, proto.raw_data.len() * 2));
+            }
+            bytes::nibbles(element, proto.raw_data.iter().copied(), count)
         } else {
-            let size = element
-                .bytes()
+            let size = bytes::width(element)
                 .ok_or_else(|| Error::new(format!("its elements are {element}, but have to be numbers")))?;
             if proto.raw_data.len() != count * size {
                 return Err(contradiction(&shape, proto.raw_data.len() / size));
             }
-            proto.raw_data.chunks_exact(size).map(|bytes| number(element, bytes)).collect()
+            proto.raw_data.chunks_exact(size).map(|read| bytes::read(element, read)).collect()
         };
         if values.len() != count {
             return Err(contradiction(&shape, values.len()));
@@ -180,21 +130,32 @@ impl Tensor {
         Ok(Self { element, shape, values })
     }
 
-    /// Writes a constant. Types that are written: 32-bit and 64-bit floats, 64-bit and 32-bit integers, booleans.
+    /// The tensor with each element as its type holds it.
+    pub(crate) fn rounded(mut self) -> Self {
+        if self.element != Element::DOUBLE {
+            self.values.iter_mut().for_each(|value| *value = self.element.rounded(*value));
+        }
+        self
+    }
+
+    /// Whether each element is as its type holds it.
+    pub(crate) fn is_rounded(&self) -> bool {
+        let is_rounded = |value: &f64| value.is_nan() || self.element.rounded(*value) == *value;
+        self.element == Element::DOUBLE || self.values.iter().all(is_rounded)
+    }
+
+    /// What [`Self::rounded`] gives, but 32-bit floats keep the digits of the 64-bit floats that they are computed as: so differences show slopes.
+    pub(crate) fn fitted(self) -> Self {
+        if self.element == Element::FLOAT { self } else { self.rounded() }
+    }
+
+    /// Writes a constant.
     pub fn to_proto(&self, name: &str) -> TensorProto {
-        let values = self.values.iter().copied();
-        let raw_data = match self.element {
-            Element::DOUBLE => values.flat_map(f64::to_le_bytes).collect(),
-            Element::INT64 => values.flat_map(|value| (value as i64).to_le_bytes()).collect(),
-            Element::INT32 => values.flat_map(|value| (value as i32).to_le_bytes()).collect(),
-            Element::BOOL => values.map(|value| u8::from(value != 0.0)).collect(),
-            _ => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
-        };
         TensorProto {
             name: name.to_owned(),
             dims: self.shape.iter().map(|&dim| dim as i64).collect(),
             data_type: self.element.0,
-            raw_data,
+            raw_data: bytes::bytes(self.element, &self.values),
             ..TensorProto::default()
         }
     }
@@ -211,41 +172,6 @@ pub fn dims(proto: &TensorProto) -> Result<Vec<usize>> {
 
 fn contradiction(shape: &[usize], found: usize) -> Error {
     Error::new(format!("it holds {found} numbers, which is not what its shape {} says", shape_text(shape)))
-}
-
-fn number(element: Element, b: &[u8]) -> f64 {
-    match (element.0, b) {
-        (2 | 9, &[a]) => f64::from(a),
-        (3, &[a]) => f64::from(a as i8),
-        (4, &[a, b]) => f64::from(u16::from_le_bytes([a, b])),
-        (5, &[a, b]) => f64::from(i16::from_le_bytes([a, b])),
-        (10, &[a, b]) => half(u16::from_le_bytes([a, b])),
-        (16, &[a, b]) => brain(u16::from_le_bytes([a, b])),
-        (6, &[a, b, c, d]) => f64::from(i32::from_le_bytes([a, b, c, d])),
-        (12, &[a, b, c, d]) => f64::from(u32::from_le_bytes([a, b, c, d])),
-        (_, &[a, b, c, d]) => f64::from(f32::from_le_bytes([a, b, c, d])),
-        (7, &[a, b, c, d, e, f, g, h]) => i64::from_le_bytes([a, b, c, d, e, f, g, h]) as f64,
-        (13, &[a, b, c, d, e, f, g, h]) => u64::from_le_bytes([a, b, c, d, e, f, g, h]) as f64,
-        (_, &[a, b, c, d, e, f, g, h]) => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
-        _ => f64::NAN,
-    }
-}
-
-/// A 16-bit float of IEEE 754.
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    sign * match exponent {
-        0 => fraction * libm::exp2(-24.0),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * libm::exp2(f64::from(exponent - 25)),
-    }
-}
-
-/// The upper half of a 32-bit float.
-fn brain(bits: u16) -> f64 {
-    f64::from(f32::from_bits(u32::from(bits) << 16))
 }
 
 /// Calls `visit` with each position of a shape, the last dimension fastest.
@@ -303,6 +229,15 @@ mod tests {
             let ints = Tensor::ints(&values);
             assert_eq!(Tensor::from_proto(&ints.to_proto("i")).unwrap().to_ints(), values);
         }
+        for (number, values) in
+            [(2, [0.0, 255.0]), (3, [-128.0, 127.0]), (5, [-300.0, 3.0]), (13, [5.0, 1e15])]
+        {
+            let small = Tensor { element: Element(number), shape: vec![2], values: values.to_vec() };
+            assert_eq!(Tensor::from_proto(&small.to_proto("s")).unwrap(), small);
+        }
+        let quarters =
+            TensorProto { dims: vec![3], data_type: 22, raw_data: vec![0x71, 0x0f], ..Default::default() };
+        assert_eq!(Tensor::from_proto(&quarters).unwrap().values, [1.0, 7.0, -1.0]);
         let halves = TensorProto {
             dims: vec![4],
             data_type: 10,
@@ -321,6 +256,8 @@ mod tests {
         assert!(error(&negative).contains("negative"));
         let huge = TensorProto { dims: vec![1 << 40, 1 << 40], data_type: 1, ..Default::default() };
         assert!(error(&huge).contains("too large"));
+        let packed = TensorProto { dims: vec![3], data_type: 22, raw_data: vec![0; 3], ..Default::default() };
+        assert_eq!(error(&packed), "it holds 6 numbers, which is not what its shape (3) says");
         let text =
             TensorProto { dims: vec![1], data_type: 8, string_data: vec![vec![65]], ..Default::default() };
         assert!(error(&text).contains("STRING"));

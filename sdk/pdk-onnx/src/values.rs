@@ -119,7 +119,7 @@ impl Values {
     /// Type and shape of a value.
     ///
     /// # Errors
-    /// If there is no such value, or why they are not known.
+    /// If the value is missing, or why they are not known.
     pub fn fact(&self, name: &str) -> Result<&Fact> {
         match self.known.get(name) {
             Some(value) => value.fact.as_ref().map_err(Clone::clone),

@@ -5,7 +5,13 @@ use pdk_sdk::error::{Error, Result};
 use crate::attributes::{int, ints};
 use crate::proto::AttributeProto;
 use crate::site::Site;
-use crate::tensor::for_each_position;
+use crate::tensor::{for_each_position, shape_text};
+
+/// The most elements of a kernel: more than any image has pixels, and a damaged file may say anything.
+const MOST_TAPS: usize = 1 << 24;
+
+/// The largest stride, dilation or pad. Products of two of them fit an integer.
+pub(crate) const LONGEST: i64 = 1 << 30;
 
 /// A window that moves over the spatial axes of an input, with zeros around it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -96,6 +102,13 @@ impl Window {
         if kernel.iter().chain(&window.strides).chain(&window.dilations).any(|&length| length == 0) {
             return Err(Error::new("its kernel, strides and dilations have to be at least 1"));
         }
+        if kernel
+            .iter()
+            .try_fold(1usize, |taps, &length| taps.checked_mul(length))
+            .is_none_or(|taps| taps > MOST_TAPS)
+        {
+            return Err(Error::new(format!("its kernel {} is too large", shape_text(kernel))));
+        }
         let pads = match site.text("auto_pad", "NOTSET") {
             "NOTSET" | "" => lengths(site, "pads", 2 * rank, 0)?,
             _ => vec![0; 2 * rank],
@@ -164,6 +177,9 @@ pub(crate) fn lengths(site: &Site<'_>, name: &str, count: usize, default: usize)
     };
     if values.len() != count {
         return Err(Error::new(format!("its `{name}` are {values:?}, but have to be {count}")));
+    }
+    if values.iter().any(|&value| value > LONGEST) {
+        return Err(Error::new(format!("its `{name}` are {values:?}, but can be {LONGEST} at most")));
     }
     let lengths = values.iter().map(|&value| usize::try_from(value)).collect::<Result<Vec<_>, _>>();
     lengths.map_err(|_| Error::new(format!("its `{name}` are {values:?}, but cannot be negative here")))

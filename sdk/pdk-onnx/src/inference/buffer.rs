@@ -1,6 +1,5 @@
 //! The values of a graph while it runs.
 
-use half::{bf16, f16};
 use pdk_sdk::error::{Error, Result};
 
 use crate::tensor::Element;
@@ -47,18 +46,16 @@ impl Buffer {
         }
     }
 
-    /// Rounds the elements to a type that has 16 bits.
+    /// Rounds the elements to their type. As 32-bit or 64-bit floats they are that already.
     pub fn round(&mut self, element: Element) {
-        let round: fn(f64) -> f64 = match element.0 {
-            10 => |value| f16::from_f64(value).to_f64(),
-            16 => |value| bf16::from_f64(value).to_f64(),
-            _ => return,
-        };
+        if matches!(element, Element::FLOAT | Element::DOUBLE) {
+            return;
+        }
         match self {
             Self::Single(values) => {
-                values.iter_mut().for_each(|value| *value = round(f64::from(*value)) as f32);
+                values.iter_mut().for_each(|value| *value = element.rounded(f64::from(*value)) as f32);
             }
-            Self::Double(values) => values.iter_mut().for_each(|value| *value = round(*value)),
+            Self::Double(values) => values.iter_mut().for_each(|value| *value = element.rounded(*value)),
         }
     }
 

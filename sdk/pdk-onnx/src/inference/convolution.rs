@@ -11,7 +11,6 @@ use super::product::{self, Packed, Place};
 use crate::operators::{conv, conv_transpose};
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, for_each_position};
-use crate::window::Window;
 
 /// A convolution, or one that is transposed.
 pub struct Convolution {

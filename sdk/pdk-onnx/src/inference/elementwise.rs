@@ -69,7 +69,7 @@ impl Operation for Unary {
             Function::Relu => each(input, into, |x| if x > 0.0 { x } else { 0.0 }),
             Function::LeakyRelu(slope) => each(input, into, |x| if x < 0.0 { slope * x } else { x }),
             Function::Clip(low, high) => each(input, into, |x| {
-                let x = if x < low { low } else { x };
+                let x = if x >= low { x } else { low };
                 if x > high { high } else { x }
             }),
             Function::Neg => each(input, into, |x| -x),
@@ -77,7 +77,9 @@ impl Operation for Unary {
             Function::Sqrt => each(input, into, f32::sqrt),
             Function::Round => each(input, into, round),
             Function::Floor => each(input, into, |x| if round(x) > x { round(x) - 1.0 } else { round(x) }),
-            Function::Ceil => each(input, into, |x| if round(x) < x { round(x) + 1.0 } else { round(x) }),
+            Function::Ceil => {
+                each(input, into, |x| if round(x) < x { (round(x) + 1.0).copysign(x) } else { round(x) })
+            }
             Function::Reciprocal => each(input, into, |x| 1.0 / x),
             Function::Same => into.copy_from_slice(input),
         }
@@ -213,8 +215,8 @@ impl Operation for Binary {
             Pair::Sub => self.apply(left, right, into, |a, b| a - b),
             Pair::Mul => self.apply(left, right, into, |a, b| a * b),
             Pair::Div => self.apply(left, right, into, |a, b| a / b),
-            Pair::Max => self.apply(left, right, into, |a, b| if b > a { b } else { a }),
-            Pair::Min => self.apply(left, right, into, |a, b| if b < a { b } else { a }),
+            Pair::Max => self.apply(left, right, into, |a, b| if b > a || b.is_nan() { b } else { a }),
+            Pair::Min => self.apply(left, right, into, |a, b| if b < a || b.is_nan() { b } else { a }),
             Pair::Greater => self.apply(left, right, into, |a, b| f32::from(a > b)),
             Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| f32::from(a >= b)),
             Pair::Less => self.apply(left, right, into, |a, b| f32::from(a < b)),

@@ -78,7 +78,7 @@ fn computed(a: f32, b: f32, c: f32) -> f32 {
     let lost = (product - (sum - part)) + (addend - part);
     let bits = sum.to_bits();
     // Not for what is not a number, or infinite.
-    let to_odd = (lost > 0.0 || lost < 0.0) && bits & 1 == 0;
+    let to_odd = lost.abs() > 0.0 && bits & 1 == 0;
     let outwards = (lost > 0.0) == (sum > 0.0);
     let odd = match (to_odd, outwards) {
         (false, _) => bits,

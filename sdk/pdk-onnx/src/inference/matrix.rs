@@ -33,7 +33,7 @@ pub struct Product {
 struct Sum {
     factor: f32,
     addend_factor: f32,
-    /// The element of the addend for each of the result; none if there is no addend.
+    /// The element of the addend for each of the result, if there is an addend.
     addend: Option<Vec<u32>>,
 }
 
@@ -43,7 +43,7 @@ impl Product {
     /// # Errors
     /// If the node contradicts itself.
     pub fn stacks(site: &Site<'_>, right: Option<&Tensor>) -> Result<Self> {
-        let [a, b] = matmul::matrices(site)?;
+        let [a, b] = matmul::matrices(site.shape(0)?, site.shape(1)?)?;
         let shape = matmul::product_shape(&a, &b)?;
         let (rank, stack) = (shape.len(), &shape[..shape.len() - 2]);
         let (rows, inner, columns) = (shape[rank - 2], a[a.len() - 1], shape[rank - 1]);

@@ -24,7 +24,7 @@ mod tests;
 use pdk_sdk::error::{Error, Result};
 
 use crate::graph::Graph;
-use crate::tensor::{Element, Tensor};
+use crate::tensor::Element;
 use buffer::{Buffer, Operation};
 
 /// A graph that is ready to run.
@@ -116,16 +116,6 @@ impl Operand {
             Self::Computed(place) => &buffers[place],
         }
     }
-}
-
-/// With the elements of a tensor rounded to its type.
-fn rounded(mut tensor: Tensor) -> Tensor {
-    if tensor.element == Element::FLOAT {
-        tensor.values.iter_mut().for_each(|value| *value = f64::from(*value as f32));
-    }
-    let mut buffer = Buffer::Double(std::mem::take(&mut tensor.values));
-    buffer.round(tensor.element);
-    Tensor { values: buffer.to_doubles(), ..tensor }
 }
 
 impl Step {

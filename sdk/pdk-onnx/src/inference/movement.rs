@@ -17,9 +17,11 @@ pub fn moved(name: &str, inputs: usize) -> Option<Vec<usize>> {
         "Concat" => (0..inputs).collect(),
         "Transpose" | "Slice" | "Split" | "Expand" | "Gather" | "Reshape" | "Flatten" | "Squeeze"
         | "Unsqueeze" | "Identity" | "Dropout" | "Tile" | "DepthToSpace" | "SpaceToDepth"
-        | "GatherElements" | "GatherND" | "ReverseSequence" | "CenterCropPad" | "Trilu" => vec![0],
+        | "GatherElements" | "GatherND" | "ReverseSequence" | "CenterCropPad" | "Trilu" | "Compress"
+        | "MaxUnpool" => vec![0],
         "Pad" => vec![0, 2],
         "Where" => vec![1, 2],
+        "OneHot" => vec![2],
         "ScatterElements" | "Scatter" | "ScatterND" => vec![0, 2],
         _ => return None,
     })

@@ -6,7 +6,6 @@ use super::buffer::{Buffer, Operation, single};
 use super::plan::Constants;
 use crate::operators::normalization;
 use crate::site::Site;
-use crate::tensor::Tensor;
 
 /// A normalization by channel.
 pub struct Normalization {
@@ -22,7 +21,7 @@ impl Normalization {
     /// # Errors
     /// If the node contradicts itself.
     pub fn new(site: &Site<'_>, constants: &Constants) -> Result<Option<Self>> {
-        normalization::by_channel(site)?;
+        normalization::by_channel(site, 4)?;
         let [_, Some(scale), Some(bias), Some(mean), Some(variance)] = constants else { return Ok(None) };
         let count = scale.values.len();
         if site.node.output.len() != 1

@@ -38,7 +38,8 @@ impl Operation for Plain {
         let given: Vec<Option<&Tensor>> = tensors.iter().map(Option::as_ref).collect();
         let results = (self.operator.shapes.evaluate)(&site, &given).place(describe(node))?;
         for (output, result) in outputs.iter_mut().zip(results) {
-            output.set(&result.values);
+            // Rounded to 32 bits first, an element could be rounded twice, and an integer lose the bits that it keeps.
+            output.set(&result.fitted().values);
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, is_single};
 use super::convolution::Convolution;
@@ -14,7 +14,7 @@ use super::normalization::Normalization;
 use super::plain::{self, Plain};
 use super::pooling::Pool;
 use super::resize::Resize;
-use super::{Operand, Program, Step, rounded};
+use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
 use crate::site::Site;
@@ -109,7 +109,11 @@ impl<'a> Plan<'a> {
     fn constant(&self, name: &str) -> Result<Option<Arc<Tensor>>> {
         match self.constants.get(name) {
             Some(tensor) => Ok(Some(tensor.clone())),
-            None => self.graph.constant(name),
+            // The graph keeps more digits of what it computes from constants.
+            None => Ok(self.graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
+                true => tensor,
+                false => Arc::new(Tensor::clone(&tensor).rounded()),
+            })),
         }
     }
 
@@ -152,7 +156,7 @@ impl<'a> Plan<'a> {
         }
         if is_constant {
             for (name, tensor) in node.output.iter().zip(plain::evaluate(&site, &constants)?) {
-                self.constants.insert(name, Arc::new(rounded(tensor)));
+                self.constants.insert(name, Arc::new(tensor.rounded()));
             }
             return Ok(None);
         }

@@ -1,7 +1,8 @@
 //! Programs against the rules of operators in 64-bit floats.
 
 use super::*;
-use crate::testing::{CASES, OPSETS};
+use crate::tensor::Tensor;
+use crate::testing::{CASES, OPSETS, Setting, Sketch};
 
 #[test]
 fn programs_compute_what_the_rules_say() {
@@ -14,7 +15,7 @@ fn programs_compute_what_the_rules_say() {
             let input: Vec<f32> = x.values.iter().map(|&value| value as f32).collect();
             let mut outputs = vec![Vec::new()];
             for _ in 0..2 {
-                program.run(&[input.clone()], &mut outputs).unwrap();
+                program.run(std::slice::from_ref(&input), &mut outputs).unwrap();
                 let (found, expected) = (f64::from(outputs[0][0]), expected.values[0]);
                 assert!(
                     (found - expected).abs() < 1e-5 * (1.0 + expected.abs()),
@@ -23,6 +24,121 @@ fn programs_compute_what_the_rules_say() {
                 );
             }
         }
+    }
+}
+
+/// What a program computes of `x`, and what the rules compute, as 32-bit floats.
+fn both(sketch: &Sketch, x: &Tensor) -> [Vec<f32>; 2] {
+    let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&value| value as f32).collect() };
+    let graph = Graph::new(sketch.model(&["y"])).unwrap();
+    let expected = graph.evaluate(&[("x", x)], &["y"]).unwrap().swap_remove(0);
+    let mut outputs = vec![Vec::new()];
+    Program::new(graph).unwrap().run(&[single(&x.values)], &mut outputs).unwrap();
+    [outputs.swap_remove(0), single(&expected.values)]
+}
+
+fn bits(values: &[f32]) -> Vec<u32> {
+    values.iter().map(|value| if value.is_nan() { f32::NAN } else { *value }.to_bits()).collect()
+}
+
+#[test]
+fn programs_round_to_each_type_as_the_rules_do() {
+    let x = Tensor::floats(&[6], vec![1000.25, -3.5, 0.1, 70000.0, -1e-9, 255.75]);
+    for number in [1, 2, 3, 4, 5, 6, 7, 10, 12, 13, 16, 17, 18, 19, 20, 21, 22] {
+        for operator in ["Add", "Mul", "ReduceProd", "CumSum", "Neg", "Identity"] {
+            let mut s = Sketch::new(13);
+            s.input("x", &[6]);
+            s.node("Cast", &["x"], "c", &[("to", Setting::Int(number))]);
+            match operator {
+                "Add" | "Mul" => s.node(operator, &["c", "c"], "r", &[]),
+                "CumSum" => {
+                    let axis = s.ints(&[0]);
+                    s.node(operator, &["c", &axis], "r", &[]);
+                }
+                _ => s.node(operator, &["c"], "r", &[]),
+            }
+            s.node("Cast", &["r"], "y", &[("to", Setting::Int(1))]);
+            let [found, expected] = both(&s, &x);
+            let same = |(found, expected): (&f32, &f32)| {
+                bits(&[*found]) == bits(&[*expected]) || (found - expected).abs() <= 1e-6 * expected.abs()
+            };
+            let all = found.iter().zip(&expected).all(same);
+            assert!(all, "{operator} of {}: {found:?} {expected:?}", Element(number as i32));
+        }
+    }
+}
+
+#[test]
+fn programs_choose_zeros_and_what_is_not_a_number_as_the_rules_do() {
+    let special =
+        [0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1.5, -1.5, 0.375, -0.375, 0.625, -0.625];
+    let x = Tensor::floats(&[1, 1, special.len()], special.to_vec());
+    let unary = ["Relu", "LeakyRelu", "Neg", "Abs", "Sqrt", "Round", "Floor", "Ceil", "Reciprocal"];
+    let paired = ["Max", "Min", "Add", "Sub", "Mul", "Div"];
+    for operator in unary.into_iter().chain(paired).chain(["Clip", "MaxPool"]) {
+        for shift in 0..special.len() {
+            let mut s = Sketch::new(13);
+            s.input("x", &x.shape);
+            let number =
+                |s: &mut Sketch, name: &str, value| s.weights(name, Tensor::floats(&[], vec![value]));
+            if paired.contains(&operator) {
+                let mut turned = special.to_vec();
+                turned.rotate_left(shift);
+                let other = s.weights("other", Tensor::floats(&x.shape, turned));
+                s.node(operator, &["x", &other], "y", &[]);
+            } else if operator == "Clip" {
+                let bounds = [number(&mut s, "low", 0.0), number(&mut s, "high", special[shift])];
+                s.node(operator, &["x", &bounds[0], &bounds[1]], "y", &[]);
+            } else if operator == "MaxPool" {
+                s.node(operator, &["x"], "y", &[("kernel_shape", Setting::Ints(&[3]))]);
+            } else {
+                s.node(operator, &["x"], "y", &[]);
+            }
+            let [found, expected] = both(&s, &x);
+            assert_eq!(bits(&found), bits(&expected), "{operator} {shift}: {found:?} {expected:?}");
+        }
+    }
+}
+
+/// The shape of `x`, and what adds the nodes.
+type Movement = (&'static [usize], fn(&mut Sketch));
+
+#[test]
+fn elements_are_moved_as_the_rules_move_them() {
+    let movements: [Movement; 4] = [
+        (&[2, 3], |s| {
+            let condition = Tensor { element: Element::BOOL, ..Tensor::ints(&[1, 0, 1]) };
+            let condition = s.weights("condition", condition);
+            s.node("Compress", &["x", &condition], "y", &[("axis", Setting::Int(1))]);
+        }),
+        (&[2], |s| {
+            let (indices, depth) = (s.ints(&[2, -1, 9]), s.ints(&[4]));
+            s.node("OneHot", &[&indices, &depth, "x"], "y", &[]);
+        }),
+        (&[1, 1, 2, 2], |s| {
+            let places = Tensor { shape: vec![1, 1, 2, 2], ..Tensor::ints(&[0, 3, 9, 12]) };
+            let places = s.weights("places", places);
+            s.node(
+                "MaxUnpool",
+                &["x", &places],
+                "y",
+                &[("kernel_shape", Setting::Ints(&[2, 2])), ("strides", Setting::Ints(&[2, 2]))],
+            );
+        }),
+        (&[2, 3], |s| {
+            let places = Tensor { shape: vec![1, 3], ..Tensor::ints(&[1, 0, -1]) };
+            let places = s.weights("places", places);
+            let updates = s.drawn(&[1, 3], -1.0, 1.0);
+            s.node("ScatterElements", &["x", &places, &updates], "y", &[]);
+        }),
+    ];
+    for (shape, build) in movements {
+        let mut s = Sketch::new(13);
+        s.input("x", shape);
+        build(&mut s);
+        let x = Tensor::floats(shape, (0..shape.iter().product()).map(|at: usize| at as f64 - 1.5).collect());
+        let [found, expected] = both(&s, &x);
+        assert_eq!(found, expected, "{shape:?}");
     }
 }
 

@@ -1,19 +1,19 @@
 //! `Add`, `Sub`, `Mul`, `Div` and `Pow`, with shapes that are broadcast, and `Sum` of any number of values.
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, broadcast};
+use crate::tensor::{Element, Tensor, broadcast};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("Add", infer, |site, inputs| binary(site, inputs, |a, b| a + b), Rule::First(add)),
-    Operator::new("Sub", infer, |site, inputs| binary(site, inputs, |a, b| a - b), Rule::First(sub)),
-    Operator::new("Mul", infer, |site, inputs| binary(site, inputs, |a, b| a * b), Rule::First(mul)),
+    Operator::new("Add", infer, |site, inputs| of_type(site, inputs, Element::sum), Rule::First(add)),
+    Operator::new("Sub", infer, |site, inputs| of_type(site, inputs, Element::difference), Rule::First(sub)),
+    Operator::new("Mul", infer, |site, inputs| of_type(site, inputs, Element::product), Rule::First(mul)),
     Operator::new("Div", infer, divide, Rule::First(div)),
-    Operator::new("Pow", infer, |site, inputs| binary(site, inputs, libm::pow), Rule::First(pow)),
+    Operator::new("Pow", infer, power, Rule::First(pow)),
     Operator::new("Sum", infer, sum_all, Rule::First(sum)),
 ];
 
@@ -34,21 +34,69 @@ pub fn binary(
     Ok(vec![Tensor::from_fn(fact.element, &fact.shape, |at| f(a.broadcast_at(at), b.broadcast_at(at)))?])
 }
 
+/// Applies a function for elements of a type to each pair of them.
+fn of_type(
+    site: &Site<'_>,
+    inputs: &[Option<&Tensor>],
+    f: fn(Element, f64, f64) -> f64,
+) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    binary(site, inputs, |a, b| f(element, a, b))
+}
+
 fn divide(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    match given(inputs, 0)?.element.is_float() {
-        true => binary(site, inputs, |a, b| a / b),
-        false => binary(site, inputs, |a, b| (a / b).trunc()),
+    let divisor = given(inputs, 1)?;
+    if divisor.element.is_integer() && divisor.values.contains(&0.0) {
+        return Err(Error::new("it divides an integer by 0; export the model with another divisor"));
     }
+    let element = given(inputs, 0)?.element;
+    binary(site, inputs, |a, b| match element.is_integer() {
+        true => element.wrapped((a as i128).checked_div(b as i128).unwrap_or_default()),
+        false => a / b,
+    })
+}
+
+fn power(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    if !element.is_integer() {
+        return binary(site, inputs, libm::pow);
+    }
+    // A power of an integer wraps as a product does. One with a negative or broken exponent is cut to an integer.
+    binary(site, inputs, |base, exponent| match exponent >= 0.0 && exponent.fract() == 0.0 {
+        true => element.wrapped(whole_power(base as i128, exponent as u64)),
+        false => element.saturated(libm::pow(base, exponent).trunc()),
+    })
+}
+
+/// The low bits of a power.
+fn whole_power(mut base: i128, mut exponent: u64) -> i128 {
+    let mut result = 1i128;
+    while exponent > 0 {
+        if exponent & 1 == 1 {
+            result = result.wrapping_mul(base);
+        }
+        base = base.wrapping_mul(base);
+        exponent >>= 1;
+    }
+    result
+}
+
+/// Joins the elements of all inputs at the same place, in order.
+pub fn join(site: &Site<'_>, inputs: &[Option<&Tensor>], join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
+    let fact = infer(site)?.swap_remove(0);
+    let inputs = (0..site.node.input.len()).map(|place| given(inputs, place)).collect::<Result<Vec<_>>>()?;
+    Tensor::from_fn(fact.element, &fact.shape, |at| {
+        inputs.iter().map(|input| input.broadcast_at(at)).reduce(&join).unwrap_or_default()
+    })
 }
 
 fn sum_all(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    let fact = infer(site)?.swap_remove(0);
-    let sum = |at: &[usize]| inputs.iter().flatten().map(|input| input.broadcast_at(at)).sum();
-    Ok(vec![Tensor::from_fn(fact.element, &fact.shape, sum)?])
+    let element = given(inputs, 0)?.element;
+    Ok(vec![join(site, inputs, |a, b| element.sum(a, b))?])
 }
 
 /// The gradients, each as large as what comes out, summed to the shape of what went in.
-fn unbroadcast(site: &Site<'_>, b: &mut Builder, gradients: Parts) -> Result<Parts> {
+pub fn unbroadcast(site: &Site<'_>, b: &mut Builder, gradients: Parts) -> Result<Parts> {
     let summed = gradients.into_iter().map(|(place, g)| Ok((place, b.sum_to(&g, site.shape(place)?)?)));
     summed.collect()
 }
@@ -129,7 +177,40 @@ fn pow(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{check, computed};
+
+    #[test]
+    fn integers_wrap_and_division_cuts() {
+        let (byte, signed, int) = (Element::UINT8, Element::INT8, Element::INT32);
+        let joined = |operator: &str, element: Element, a: &[f64], b: &[f64]| {
+            computed(13, |s| {
+                let [a, b] = [("a", a), ("b", b)].map(|(name, values)| {
+                    s.weights(name, Tensor { element, shape: vec![values.len()], values: values.to_vec() })
+                });
+                s.node(operator, &[&a, &b], "y", &[]);
+            })
+        };
+        for (operator, element, a, b, expected) in [
+            ("Add", byte, [200.0, 1.0], [100.0, 2.0], [44.0, 3.0]),
+            ("Sub", byte, [1.0, 5.0], [2.0, 5.0], [255.0, 0.0]),
+            ("Sub", signed, [-128.0, 5.0], [1.0, 5.0], [127.0, 0.0]),
+            ("Mul", signed, [64.0, -3.0], [2.0, 5.0], [-128.0, -15.0]),
+            ("Mul", int, [2147483647.0, 65536.0], [2147483647.0, 65537.0], [1.0, 65536.0]),
+            ("Div", int, [-7.0, 7.0], [2.0, -2.0], [-3.0, -3.0]),
+            ("Div", signed, [-128.0, 9.0], [-1.0, 3.0], [-128.0, 3.0]),
+            ("Pow", int, [3.0, 2.0], [19.0, 33.0], [1162261467.0, 0.0]),
+            ("Pow", int, [2.0, 1.0], [-1.0, -5.0], [0.0, 1.0]),
+        ] {
+            assert_eq!(
+                joined(operator, element, &a, &b).unwrap().values,
+                expected,
+                "{operator} of {element}"
+            );
+        }
+        let error = joined("Div", int, &[1.0], &[0.0]).unwrap_err().to_string();
+        assert!(error.contains("it divides an integer by 0"), "{error}");
+    }
 
     #[test]
     fn gradients_are_right_on_both_sides_and_through_broadcasts() {

@@ -3,6 +3,7 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Rule, given};
+use crate::order::greater;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, elements};
 use crate::values::Fact;
@@ -83,7 +84,7 @@ fn range(site: &Site<'_>) -> Result<(f64, f64, usize)> {
     let number =
         |place| site.number_at(place, "")?.ok_or_else(|| Error::new("one of its three numbers is missing"));
     let (start, limit, step) = (number(0)?, number(1)?, number(2)?);
-    let count = ((limit - start) / step).ceil().max(0.0);
+    let count = greater(0.0, ((limit - start) / step).ceil());
     if !count.is_finite() {
         return Err(Error::new("its range has no end"));
     }

@@ -3,6 +3,7 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::optional;
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
@@ -14,15 +15,23 @@ pub const OPERATORS: &[Operator] = &[Operator::new("Conv", infer, evaluate, Rule
 
 /// The window and the number of groups.
 pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
-    let (image, weights) = (site.shape(0)?, site.shape(1)?);
-    let group =
-        group(site, |group| weights[1].checked_mul(group) == Some(image[1]) && weights[0] % group == 0)?;
+    window_over(site, site.shape(0)?, site.shape(1)?)
+}
+
+/// The window and the number of groups for an input and weights of these shapes.
+pub fn window_over(site: &Site<'_>, image: &[usize], weights: &[usize]) -> Result<(Window, usize)> {
+    let fits = |group| weights[1].checked_mul(group) == Some(image[1]) && weights[0].is_multiple_of(group);
+    let group = group(site, image, weights, fits)?;
     Ok((Window::over(site, &image[2..], &weights[2..])?, group))
 }
 
 /// The number of groups of a convolution or of its reverse; `fits` says whether the channels of its weights fit that number.
-pub fn group(site: &Site<'_>, fits: impl Fn(usize) -> bool) -> Result<usize> {
-    let (image, weights) = (site.shape(0)?, site.shape(1)?);
+pub fn group(
+    site: &Site<'_>,
+    image: &[usize],
+    weights: &[usize],
+    fits: impl Fn(usize) -> bool,
+) -> Result<usize> {
     let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
     if image.len() >= 3 && image.len() == weights.len() && group > 0 && fits(group) {
         return Ok(group);
@@ -34,22 +43,41 @@ pub fn group(site: &Site<'_>, fits: impl Fn(usize) -> bool) -> Result<usize> {
     )))
 }
 
+/// Checks that the bias, if there is one, has a number for each filter.
+pub fn check_bias(site: &Site<'_>, filters: usize) -> Result<()> {
+    if site.optional(2).is_none() || site.shape(2)? == [filters] {
+        return Ok(());
+    }
+    let found = shape_text(site.shape(2)?);
+    Err(Error::new(format!("its bias has the shape {found}, but there are {filters} filters")))
+}
+
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let (window, _) = window(site)?;
-    let shape = [site.shape(0)?[0], site.shape(1)?[0]].into_iter().chain(window.output).collect();
+    let filters = site.shape(1)?[0];
+    check_bias(site, filters)?;
+    let shape = [site.shape(0)?[0], filters].into_iter().chain(window.output).collect();
     Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }
 
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    let (window, group) = window(site)?;
-    let (image, weights) = (given(inputs, 0)?, given(inputs, 1)?);
-    let mut result = Tensor::filled(image.element, site.output_shape()?, 0.0)?;
-    let (input, output): (usize, usize) = (window.input.iter().product(), window.output.iter().product());
+    Ok(vec![convolve(site, given(inputs, 0)?, given(inputs, 1)?, optional(inputs, 2))?])
+}
+
+/// The convolution of an image with weights, with a number for each filter that is added.
+pub fn convolve(site: &Site<'_>, image: &Tensor, weights: &Tensor, bias: Option<&Tensor>) -> Result<Tensor> {
+    let (window, group) = window_over(site, &image.shape, &weights.shape)?;
     let (channels, filters, depth) = (image.shape[1], weights.shape[0], weights.shape[1]);
+    let shape: Vec<_> = [image.shape[0], filters].into_iter().chain(window.output.iter().copied()).collect();
+    let mut result = Tensor::filled(image.element, &shape, 0.0)?;
+    if bias.is_some_and(|bias| bias.values.len() != filters) {
+        return Err(Error::new(format!("its bias does not have a number for each of the {filters} filters")));
+    }
+    let (input, output): (usize, usize) = (window.input.iter().product(), window.output.iter().product());
     let pairs = window.pairs();
     for (n, planes) in result.values.chunks_mut((filters * output).max(1)).enumerate() {
-        for (filter, plane) in planes.chunks_mut(output).enumerate() {
-            plane.fill(inputs.get(2).copied().flatten().map_or(0.0, |bias| bias.values[filter]));
+        for (filter, plane) in planes.chunks_mut(output.max(1)).enumerate() {
+            plane.fill(bias.map_or(0.0, |bias| bias.values[filter]));
             for channel in 0..depth {
                 let source = n * channels + filter / (filters / group) * depth + channel;
                 let source = &image.values[source * input..][..input];
@@ -62,7 +90,7 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
             }
         }
     }
-    Ok(vec![result])
+    Ok(result)
 }
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

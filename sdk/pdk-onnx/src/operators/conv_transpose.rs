@@ -3,6 +3,7 @@
 use pdk_sdk::error::Result;
 
 use super::conv;
+use super::inputs::optional;
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
@@ -15,13 +16,15 @@ pub const OPERATORS: &[Operator] = &[Operator::new("ConvTranspose", infer, evalu
 /// The window of the convolution that this one reverses, and the number of groups.
 pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
     let (image, weights) = (site.shape(0)?, site.shape(1)?);
-    let group = conv::group(site, |group| weights[0] == image[1] && image[1] % group == 0)?;
+    let group = conv::group(site, image, weights, |group| weights[0] == image[1] && image[1] % group == 0)?;
     Ok((Window::under(site, &image[2..], &weights[2..])?, group))
 }
 
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let (window, group) = window(site)?;
-    let shape = [site.shape(0)?[0], site.shape(1)?[1] * group].into_iter().chain(window.input).collect();
+    let filters = site.shape(1)?[1].saturating_mul(group);
+    conv::check_bias(site, filters)?;
+    let shape = [site.shape(0)?[0], filters].into_iter().chain(window.input).collect();
     Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }
 
@@ -33,8 +36,8 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
     let (channels, depth) = (image.shape[1], weights.shape[1]);
     let pairs = window.pairs();
     for (n, planes) in result.values.chunks_mut((depth * group * output).max(1)).enumerate() {
-        for (filter, plane) in planes.chunks_mut(output).enumerate() {
-            plane.fill(inputs.get(2).copied().flatten().map_or(0.0, |bias| bias.values[filter]));
+        for (filter, plane) in planes.chunks_mut(output.max(1)).enumerate() {
+            plane.fill(optional(inputs, 2).map_or(0.0, |bias| bias.values[filter]));
             let (in_group, place) = (channels / group, filter % depth);
             for channel in filter / depth * in_group..(filter / depth + 1) * in_group {
                 let source = &image.values[(n * channels + channel) * input..][..input];

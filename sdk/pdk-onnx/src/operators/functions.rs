@@ -7,6 +7,7 @@ use pdk_sdk::error::Result;
 
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
+use crate::order::{greater, lesser};
 use crate::site::Site;
 use crate::tensor::Tensor;
 
@@ -15,10 +16,10 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new(
         "Neg",
         same,
-        |_, x| each(x, |x| -x),
+        |_, x| each_wrapped(x, |x| -x),
         Rule::First(|_, b, g| Ok(vec![(0, b.unary("Neg", g)?)])),
     ),
-    Operator::new("Abs", same, |_, x| each(x, f64::abs), Rule::First(abs)),
+    Operator::new("Abs", same, |_, x| each_wrapped(x, f64::abs), Rule::First(abs)),
     Operator::new("Exp", same, |_, x| each(x, libm::exp), Rule::First(exp)),
     Operator::new("Log", same, |_, x| each(x, libm::log), Rule::First(log)),
     Operator::new("Tanh", same, |_, x| each(x, libm::tanh), Rule::First(tanh)),
@@ -27,7 +28,7 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new("Reciprocal", same, |_, x| each(x, |x| 1.0 / x), Rule::First(reciprocal)),
     Operator::new("Sin", same, |_, x| each(x, libm::sin), Rule::First(sin)),
     Operator::new("Cos", same, |_, x| each(x, libm::cos), Rule::First(cos)),
-    Operator::new("Relu", same, |_, x| each(x, |x| x.max(0.0)), Rule::First(relu)),
+    Operator::new("Relu", same, |_, x| each(x, |x| greater(0.0, x)), Rule::First(relu)),
     Operator::new("LeakyRelu", same, leaky_relu_value, Rule::First(leaky_relu)),
     Operator::new("Elu", same, elu_value, Rule::First(elu)),
     Operator::new("HardSigmoid", same, hard_sigmoid_value, Rule::First(hard_sigmoid)),
@@ -37,12 +38,7 @@ pub const OPERATORS: &[Operator] = &[
         |_, x| each(x, |x| x * (x / 6.0 + 0.5).clamp(0.0, 1.0)),
         Rule::First(hard_swish),
     ),
-    Operator::new(
-        "Softplus",
-        same,
-        |_, x| each(x, |x| libm::log1p(libm::exp(-x.abs())) + x.max(0.0)),
-        Rule::First(softplus),
-    ),
+    Operator::new("Softplus", same, |_, x| each(x, softplus), Rule::First(softplus_gradient)),
     Operator::new("Clip", same, clip_value, Rule::First(clip)),
 ];
 
@@ -50,6 +46,12 @@ pub const OPERATORS: &[Operator] = &[
 pub fn each(inputs: &[Option<&Tensor>], f: impl Fn(f64) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
     Ok(vec![Tensor { values: input.values.iter().map(|&x| f(x)).collect(), ..input.clone() }])
+}
+
+/// Applies a function to each element. Integers wrap: the least one has no opposite.
+fn each_wrapped(inputs: &[Option<&Tensor>], f: impl Fn(f64) -> f64) -> Result<Vec<Tensor>> {
+    let element = given(inputs, 0)?.element;
+    each(inputs, |x| if element.is_integer() { element.wrapped(f(x) as i128) } else { f(x) })
 }
 
 /// The gradient times the slope of the function.
@@ -62,11 +64,15 @@ fn sqrt(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     Ok(vec![(0, b.binary("Div", &half, site.output(0)?)?)])
 }
 
-fn abs(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    let x = site.input(0)?;
+/// 1 above 0 and -1 below it.
+pub fn sign(b: &mut Builder, x: &str) -> Result<String> {
     let zero = b.number(x, 0.0)?;
     let (above, below) = (b.mask("Greater", x, &zero)?, b.mask("Less", x, &zero)?);
-    let sign = b.binary("Sub", &above, &below)?;
+    b.binary("Sub", &above, &below)
+}
+
+fn abs(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let sign = sign(b, site.input(0)?)?;
     times(b, g, &sign)
 }
 
@@ -86,8 +92,13 @@ fn tanh(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 }
 
 /// The logistic function.
-fn sigmoid(x: f64) -> f64 {
+pub fn sigmoid(x: f64) -> f64 {
     1.0 / (1.0 + libm::exp(-x))
+}
+
+/// The logarithm of 1 + e^x.
+pub fn softplus(x: f64) -> f64 {
+    libm::log1p(libm::exp(-x.abs())) + greater(0.0, x)
 }
 
 fn sigmoid_gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
@@ -184,7 +195,7 @@ fn hard_swish(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     times(b, g, &slope)
 }
 
-fn softplus(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+fn softplus_gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let slope = b.unary("Sigmoid", site.input(0)?)?;
     times(b, g, &slope)
 }
@@ -196,7 +207,8 @@ pub fn bounds(site: &Site<'_>) -> Result<[Option<f64>; 2]> {
 
 fn clip_value(site: &Site<'_>, x: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let [low, high] = bounds(site)?;
-    each(x, |x| x.max(low.unwrap_or(f64::NEG_INFINITY)).min(high.unwrap_or(f64::INFINITY)))
+    let (low, high) = (low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY));
+    each(x, |x| lesser(greater(x, low), high))
 }
 
 fn clip(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

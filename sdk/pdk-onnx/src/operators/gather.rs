@@ -1,4 +1,4 @@
-//! `Gather` at places that are constant.
+//! `Gather`. It has a gradient if its places are constant.
 
 use pdk_sdk::error::{Error, Result};
 
@@ -58,7 +58,44 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::gradient::{Target, gradients};
+    use crate::graph::Graph;
+    use crate::tensor::Tensor;
+    use crate::testing::{Sketch, check, computed};
+
+    /// A row of three numbers and places in it that are computed.
+    fn computed_places() -> Graph {
+        let mut sketch = Sketch::new(13);
+        sketch.input("x", &[3]);
+        sketch.input("place", &[2]);
+        sketch.node("Cast", &["place"], "places", &[("to", crate::testing::Setting::Int(7))]);
+        sketch.node("Gather", &["x", "places"], "y", &[]);
+        Graph::new(sketch.model(&["y"])).unwrap()
+    }
+
+    #[test]
+    fn places_may_be_computed_but_then_have_no_gradient() {
+        let graph = computed_places();
+        let (x, place) = (Tensor::floats(&[3], vec![5.0, 6.0, 7.0]), Tensor::floats(&[2], vec![2.0, -3.0]));
+        let values = graph.evaluate(&[("x", &x), ("place", &place)], &["y"]).unwrap();
+        assert_eq!(values[0].values, [7.0, 5.0]);
+        let outside = Tensor::floats(&[2], vec![2.0, 3.0]);
+        let error = graph.evaluate(&[("x", &x), ("place", &outside)], &["y"]).unwrap_err().to_string();
+        assert!(error.contains("its index 3 is outside the 3 elements"), "{error}");
+        let error = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]).err().unwrap();
+        assert!(error.to_string().contains("its input `places` has to be a constant"), "{error}");
+    }
+
+    #[test]
+    fn places_outside_are_errors() {
+        for place in [3, -4, i64::MIN, i64::MAX] {
+            let result = computed(13, |s| {
+                let (x, places) = (s.drawn(&[3], -1.0, 1.0), s.ints(&[place]));
+                s.node("Gather", &[&x, &places], "y", &[]);
+            });
+            assert!(result.is_err(), "{place}");
+        }
+    }
 
     #[test]
     fn gradients_go_back_to_where_the_elements_came_from() {

@@ -2,10 +2,12 @@
 
 use pdk_sdk::error::{Error, Result};
 
+use super::inputs::optional;
+use super::matmul;
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, shape_text};
+use crate::tensor::{Tensor, broadcast, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("Gemm", infer, evaluate, Rule::First(gradient))];
@@ -24,12 +26,17 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     if inner != other {
         return Err(wrong());
     }
-    Ok(vec![Fact::new(site.fact(0)?.element, vec![rows, columns])])
+    let shape = vec![rows, columns];
+    if site.optional(2).is_some() && broadcast(&[&shape, site.shape(2)?])? != shape {
+        let (sum, product) = (shape_text(site.shape(2)?), shape_text(&shape));
+        return Err(Error::new(format!("its sum of the shape {sum} is larger than its product {product}")));
+    }
+    Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }
 
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let (a, b) = (given(inputs, 0)?, given(inputs, 1)?);
-    let c = inputs.get(2).copied().flatten();
+    let c = optional(inputs, 2);
     let (alpha, beta) = (site.float("alpha", 1.0), site.float("beta", 1.0));
     let (turned_a, turned_b) = (site.int("transA", 0) != 0, site.int("transB", 0) != 0);
     let inner = a.shape[usize::from(!turned_a)];
@@ -37,10 +44,12 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
         let product = |k: usize| {
             let left = if turned_a { a.values[k * a.shape[1] + at[0]] } else { a.values[at[0] * inner + k] };
             let right = if turned_b { b.values[at[1] * inner + k] } else { b.values[k * b.shape[1] + at[1]] };
-            left * right
+            (left, right)
         };
-        let sum: f64 = (0..inner).map(product).sum();
-        alpha * sum + c.map_or(0.0, |c| beta * c.broadcast_at(at))
+        let sum = matmul::sum_of_products(a.element, (0..inner).map(product));
+        let result = alpha * sum + c.map_or(0.0, |c| beta * c.broadcast_at(at));
+        // The sum of two integers wraps, as each of them does.
+        if a.element.is_integer() { a.element.wrapped(result as i128) } else { result }
     });
     Ok(vec![result?])
 }
@@ -73,7 +82,24 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{check, computed};
+
+    #[test]
+    fn products_of_integers_are_exact_and_sums_that_are_too_large_are_refused() {
+        let summed = |shape: &[usize]| {
+            computed(13, |s| {
+                let [a, b, c] = [("a", &[1, 2][..]), ("b", &[2, 1]), ("c", shape)].map(|(name, shape)| {
+                    s.weights(name, Tensor::filled(Element::INT32, shape, 2147483647.0).unwrap())
+                });
+                s.node("Gemm", &[&a, &b, &c], "y", &[]);
+            })
+        };
+        // Of two times the square of 2^31 - 1 the low bits are 2. The sum with 2^31 - 1 wraps once more.
+        assert_eq!(summed(&[1]).unwrap().values, [-2147483647.0]);
+        let error = summed(&[3]).unwrap_err().to_string();
+        assert!(error.contains("its sum of the shape (3) is larger"), "{error}");
+    }
 
     #[test]
     fn gradients_are_right_for_each_order_of_the_matrices() {

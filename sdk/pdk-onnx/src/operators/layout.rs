@@ -1,4 +1,4 @@
-//! Operators that leave the elements as they are: `Identity`, `Dropout`, `Cast`, `Reshape`, `Flatten`, `Squeeze`, `Unsqueeze`
+//! Operators that leave the elements as they are: `Identity`, `Dropout`, `Reshape`, `Flatten`, `Squeeze`, `Unsqueeze`
 //! and `Transpose`.
 
 use pdk_sdk::error::{Error, Result};
@@ -17,7 +17,6 @@ pub const OPERATORS: &[Operator] = &[
         Rule::First(|_, _, g| Ok(vec![(0, g.to_owned())])),
     ),
     Operator::new("Dropout", infer_dropout, evaluate_dropout, Rule::First(gradient_dropout)),
-    Operator::new("Cast", infer_cast, evaluate_cast, Rule::First(gradient_cast)),
     Operator::new("Reshape", infer_reshape, reshaped, Rule::First(reshape_back)),
     Operator::new("Flatten", infer_flatten, reshaped, Rule::First(reshape_back)),
     Operator::new("Squeeze", infer_squeeze, reshaped, Rule::First(reshape_back)),
@@ -50,28 +49,6 @@ fn evaluate_dropout(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<T
 fn gradient_dropout(site: &Site<'_>, _: &mut Builder, g: &str) -> Result<Parts> {
     check_dropout(site)?;
     Ok(vec![(0, g.to_owned())])
-}
-
-fn infer_cast(site: &Site<'_>) -> Result<Vec<Fact>> {
-    let element = i32::try_from(site.int("to", 0)).map(Element).unwrap_or(Element(0));
-    Ok(vec![Fact::new(element, site.shape(0)?.to_vec())])
-}
-
-fn evaluate_cast(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    let fact = infer_cast(site)?.swap_remove(0);
-    let convert = |&value: &f64| match fact.element {
-        Element::BOOL => f64::from(u8::from(value != 0.0)),
-        element if element.is_float() => value,
-        _ => value.trunc(),
-    };
-    let values = given(inputs, 0)?.values.iter().map(convert).collect();
-    Ok(vec![Tensor { element: fact.element, shape: fact.shape, values }])
-}
-
-fn gradient_cast(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    // A gradient comes from floats alone; what is not a float has none.
-    let from = site.fact(0)?.element;
-    if from.is_float() { Ok(vec![(0, b.cast(g, from)?)]) } else { Ok(Vec::new()) }
 }
 
 fn infer_reshape(site: &Site<'_>) -> Result<Vec<Fact>> {
@@ -180,7 +157,6 @@ mod tests {
         for case in [
             "identity",
             "dropout",
-            "cast",
             "reshape",
             "reshape/copied",
             "flatten",

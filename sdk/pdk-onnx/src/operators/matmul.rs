@@ -5,14 +5,14 @@ use pdk_sdk::error::{Error, Result};
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::site::Site;
-use crate::tensor::{Tensor, broadcast, shape_text};
+use crate::tensor::{Element, Tensor, broadcast, shape_text};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("MatMul", infer, evaluate, Rule::First(gradient))];
 
 /// The shapes of both inputs as stacks of matrices: a vector is one row on the left, one column on the right.
-pub fn matrices(site: &Site<'_>) -> Result<[Vec<usize>; 2]> {
-    let (mut a, mut b) = (site.shape(0)?.to_vec(), site.shape(1)?.to_vec());
+pub fn matrices(a: &[usize], b: &[usize]) -> Result<[Vec<usize>; 2]> {
+    let (mut a, mut b) = (a.to_vec(), b.to_vec());
     if a.len() == 1 {
         a.insert(0, 1);
     }
@@ -36,21 +36,32 @@ pub fn product_shape(a: &[usize], b: &[usize]) -> Result<Vec<usize>> {
     Ok(shape)
 }
 
-fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
-    let [a, b] = matrices(site)?;
-    let mut shape = product_shape(&a, &b)?;
-    if site.shape(1)?.len() == 1 {
+/// The shape of the product of two inputs of these shapes, of which a vector has no rows or columns.
+pub fn result_shape(a: &[usize], b: &[usize]) -> Result<Vec<usize>> {
+    let [left, right] = matrices(a, b)?;
+    let mut shape = product_shape(&left, &right)?;
+    if b.len() == 1 {
         shape.pop();
     }
-    if site.shape(0)?.len() == 1 {
-        shape.remove(shape.len() - 1 - usize::from(site.shape(1)?.len() != 1));
+    if a.len() == 1 {
+        shape.remove(shape.len() - 1 - usize::from(b.len() != 1));
     }
+    Ok(shape)
+}
+
+fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let shape = result_shape(site.shape(0)?, site.shape(1)?)?;
     Ok(vec![Fact::new(site.fact(0)?.element, shape)])
 }
 
-fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    let [a_shape, b_shape] = matrices(site)?;
+fn evaluate(_: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let (a, b) = (given(inputs, 0)?, given(inputs, 1)?);
+    Ok(vec![Tensor { shape: result_shape(&a.shape, &b.shape)?, ..multiply(a, b)? }])
+}
+
+/// The products of two stacks of matrices, as a stack: a vector has a row or a column there. Integers wrap as their type does.
+pub fn multiply(a: &Tensor, b: &Tensor) -> Result<Tensor> {
+    let [a_shape, b_shape] = matrices(&a.shape, &b.shape)?;
     let shape = product_shape(&a_shape, &b_shape)?;
     let (rank, inner) = (shape.len(), a_shape[a_shape.len() - 1]);
     // The place of a matrix in its stack, which is broadcast.
@@ -62,16 +73,25 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
         stack * shape[shape.len() - 2] * shape[shape.len() - 1]
     };
     let columns = shape[rank - 1];
-    let product = Tensor::from_fn(a.element, &shape, |at| {
+    Tensor::from_fn(a.element, &shape, |at| {
         let left = &a.values[start(&a_shape, at) + at[rank - 2] * inner..];
         let right = &b.values[start(&b_shape, at)..];
-        (0..inner).map(|k| left[k] * right[k * columns + at[rank - 1]]).sum()
-    })?;
-    Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..product }])
+        let pairs = (0..inner).map(|k| (left[k], right[k * columns + at[rank - 1]]));
+        sum_of_products(a.element, pairs)
+    })
+}
+
+/// The sum of products. That of integers is exact, and wraps as their type does.
+pub fn sum_of_products(element: Element, pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    match element.is_integer() {
+        true => element
+            .wrapped(pairs.fold(0, |sum, (a, b)| (a as i128).wrapping_mul(b as i128).wrapping_add(sum))),
+        false => pairs.map(|(a, b)| a * b).sum(),
+    }
 }
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    let shapes = matrices(site)?;
+    let shapes = matrices(site.shape(0)?, site.shape(1)?)?;
     let g = b.reshape(g, &product_shape(&shapes[0], &shapes[1])?)?;
     let mut parts = Vec::new();
     for place in 0..2 {

@@ -8,6 +8,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
+use crate::order::greater;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor};
 use crate::values::Fact;
@@ -41,13 +42,14 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
     let window = window(site)?;
     let image = given(inputs, 0)?;
     let fact = pooled(site, &window)?;
-    let mut values = Tensor::filled(fact.element, &fact.shape, f64::NEG_INFINITY)?;
+    let least = fact.element.saturated(f64::NEG_INFINITY);
+    let mut values = Tensor::filled(fact.element, &fact.shape, least)?;
     let (input, output): (usize, usize) = (window.input.iter().product(), window.output.iter().product());
     for joined in window.pairs() {
         for (plane, source) in values.values.chunks_mut(output.max(1)).zip(image.values.chunks(input.max(1)))
         {
             for &(to, from) in &joined {
-                plane[to] = plane[to].max(source[from]);
+                plane[to] = greater(plane[to], source[from]);
             }
         }
     }

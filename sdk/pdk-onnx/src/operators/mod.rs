@@ -2,28 +2,61 @@
 //!
 //! An operator or a family of them has a file, with its rules and their tests.
 
+mod activations;
+mod affine_grid;
 mod arithmetic;
 pub(crate) mod average_pool;
+mod cast;
+mod center_crop_pad;
 mod choice;
+mod col2im;
+mod compress;
 mod concat;
 mod constants;
 pub(crate) mod conv;
 pub(crate) mod conv_transpose;
+mod depth;
+mod einsum;
+mod extremes;
 pub(crate) mod functions;
 mod gather;
+mod gather_elements;
 mod gelu;
 mod gemm;
+mod grid_sample;
+mod group_normalization;
+mod hyperbolic;
+mod inputs;
+mod integer_products;
+mod integers;
 pub(crate) mod layout;
+mod lp;
+mod lrn;
 pub(crate) mod matmul;
 pub(crate) mod max_pool;
+mod max_unpool;
 pub(crate) mod normalization;
+mod one_hot;
 mod operator;
 pub(crate) mod pad;
+mod positions;
+mod quantize;
+mod rectifiers;
+mod recurrent;
+mod recurrent_cells;
 mod reduce;
+mod reduce_norms;
 pub(crate) mod resize;
+mod roi_align;
+mod scatter;
+mod selection;
+mod sequence;
 pub(crate) mod slice;
 mod softmax;
 mod steps;
+mod suppression;
+mod tile;
+mod triangle;
 
 use pdk_sdk::error::{Error, Result};
 
@@ -31,28 +64,58 @@ use crate::graph::{Graph, describe};
 use crate::proto::{ModelProto, NodeProto};
 pub(crate) use operator::{Operator, Rule};
 
-static FAMILIES: [&[Operator]; 21] = [
+static FAMILIES: &[&[Operator]] = &[
+    activations::OPERATORS,
+    affine_grid::OPERATORS,
     arithmetic::OPERATORS,
     average_pool::OPERATORS,
+    cast::OPERATORS,
+    center_crop_pad::OPERATORS,
     choice::OPERATORS,
+    col2im::OPERATORS,
+    compress::OPERATORS,
     concat::OPERATORS,
     constants::OPERATORS,
     conv::OPERATORS,
     conv_transpose::OPERATORS,
+    depth::OPERATORS,
+    einsum::OPERATORS,
+    extremes::OPERATORS,
     functions::OPERATORS,
     gather::OPERATORS,
+    gather_elements::OPERATORS,
     gelu::OPERATORS,
     gemm::OPERATORS,
+    grid_sample::OPERATORS,
+    group_normalization::OPERATORS,
+    hyperbolic::OPERATORS,
+    integer_products::OPERATORS,
+    integers::OPERATORS,
     layout::OPERATORS,
+    lp::OPERATORS,
+    lrn::OPERATORS,
     matmul::OPERATORS,
     max_pool::OPERATORS,
+    max_unpool::OPERATORS,
     normalization::OPERATORS,
+    one_hot::OPERATORS,
     pad::OPERATORS,
+    quantize::OPERATORS,
+    rectifiers::OPERATORS,
+    recurrent::OPERATORS,
     reduce::OPERATORS,
+    reduce_norms::OPERATORS,
     resize::OPERATORS,
+    roi_align::OPERATORS,
+    scatter::OPERATORS,
+    selection::OPERATORS,
+    sequence::OPERATORS,
     slice::OPERATORS,
     softmax::OPERATORS,
     steps::OPERATORS,
+    suppression::OPERATORS,
+    tile::OPERATORS,
+    triangle::OPERATORS,
 ];
 
 /// What is known about a node's operator; nothing if that is not one of these.

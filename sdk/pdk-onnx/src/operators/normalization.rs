@@ -3,23 +3,29 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::conv;
-use super::operator::{Operator, Parts, Rule, given, same};
+use super::inputs::{optional, taken};
+use super::operator::{Operator, Parts, Rule, check_broadcast, given, same};
 use crate::builder::Builder;
 use crate::site::{Site, axis};
 use crate::tensor::{Tensor, for_each_position};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("BatchNormalization", same, evaluate_batch, Rule::First(gradient_batch)),
+    Operator::new("BatchNormalization", infer_batch, evaluate_batch, Rule::First(gradient_batch)),
     Operator::new("LayerNormalization", infer_layer, evaluate_layer, Rule::First(gradient_layer)),
     Operator::new("InstanceNormalization", same, evaluate_instance, Rule::First(gradient_instance)),
 ];
 
-/// The shape in which a number for each channel is broadcast.
-pub fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
+/// The shape in which a number for each channel is broadcast. The inputs from the second to `last` have such numbers.
+pub fn by_channel(site: &Site<'_>, last: usize) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
-    if shape.len() < 2 || site.shape(1)? != [shape[1]] {
-        return Err(Error::new("it does not have one factor for each channel"));
+    for place in 1..=last {
+        if shape.len() < 2 || site.shape(place)? != [shape[1]] {
+            return Err(Error::new(format!(
+                "its input {} does not have one number for each channel",
+                place + 1
+            )));
+        }
     }
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
 }
@@ -28,11 +34,26 @@ pub fn epsilon(site: &Site<'_>) -> f64 {
     site.float("epsilon", 1e-5)
 }
 
+/// Refuses what a model computes while it learns: before version 14 such a node has more outputs than one.
+fn check_inference(site: &Site<'_>) -> Result<()> {
+    let outputs = site.node.output.iter().filter(|name| !name.is_empty()).count();
+    match site.int("training_mode", 0) != 0 || site.opset() < 14 && outputs > 1 {
+        true => Err(Error::new("it is set to training; export the model for inference")),
+        false => Ok(()),
+    }
+}
+
+fn infer_batch(site: &Site<'_>) -> Result<Vec<Fact>> {
+    check_inference(site)?;
+    same(site)
+}
+
 fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    by_channel(site)?;
-    let (x, epsilon) = (given(inputs, 0)?, epsilon(site));
+    check_inference(site)?;
+    by_channel(site, 4)?;
+    let (x, epsilon) = (taken(site, inputs, 0)?, epsilon(site));
     let [scale, bias, mean, variance] =
-        [given(inputs, 1)?, given(inputs, 2)?, given(inputs, 3)?, given(inputs, 4)?];
+        [taken(site, inputs, 1)?, taken(site, inputs, 2)?, taken(site, inputs, 3)?, taken(site, inputs, 4)?];
     let mut values = x.values.iter();
     let normalized = Tensor::from_fn(x.element, &x.shape, |at| {
         let (channel, x) = (at[1], values.next().copied().unwrap_or_default());
@@ -43,9 +64,7 @@ fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
 }
 
 fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    if site.int("training_mode", 0) != 0 {
-        return Err(Error::new("it is set to training; export the model for inference"));
-    }
+    check_inference(site)?;
     if site.int("spatial", 1) == 0 {
         return Err(Error::new(
             "it has factors for each pixel, which later versions of this operator do not have",
@@ -54,7 +73,7 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let variance = b.offset(site.input(4)?, epsilon(site))?;
     let deviation = b.unary("Sqrt", &variance)?;
     let slope = b.binary("Div", site.input(1)?, &deviation)?;
-    let by_channel = by_channel(site)?;
+    let by_channel = by_channel(site, 4)?;
     let slope_by_channel = b.reshape(&slope, &by_channel)?;
     let mut parts = Vec::new();
     if b.wants(site, 0) {
@@ -87,7 +106,7 @@ fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 }
 
 /// The first of the axes that are normalised together.
-fn first_axis(site: &Site<'_>) -> Result<usize> {
+pub fn first_axis(site: &Site<'_>) -> Result<usize> {
     axis(site.int("axis", -1), site.shape(0)?.len())
 }
 
@@ -101,7 +120,7 @@ fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
 }
 
 /// The values with mean 0 and variance 1 over blocks of this many, and mean and inverse deviation of each block before.
-fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
+pub fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]) {
     let mut result = x.clone();
     let mut moments = [Vec::new(), Vec::new()];
     for block in result.values.chunks_mut(block.max(1)) {
@@ -117,9 +136,12 @@ fn standardize(x: &Tensor, block: usize, epsilon: f64) -> (Tensor, [Vec<f64>; 2]
 
 fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let x = given(inputs, 0)?;
+    for place in [1, 2].into_iter().filter(|&place| site.optional(place).is_some()) {
+        check_broadcast(site, place)?;
+    }
     let block = x.shape[first_axis(site)?..].iter().product();
     let (mut result, moments) = standardize(x, block, epsilon(site));
-    let (scale, bias) = (given(inputs, 1)?, inputs.get(2).copied().flatten());
+    let (scale, bias) = (given(inputs, 1)?, optional(inputs, 2));
     let mut place = 0;
     for_each_position(&x.shape, |at| {
         let value = &mut result.values[place];
@@ -132,7 +154,7 @@ fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
 }
 
 fn evaluate_instance(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    by_channel(site)?;
+    by_channel(site, 2)?;
     let [x, scale, bias] = [given(inputs, 0)?, given(inputs, 1)?, given(inputs, 2)?];
     let block: usize = x.shape[2..].iter().product();
     let (mut result, _) = standardize(x, block, epsilon(site));
@@ -200,12 +222,30 @@ fn gradient_layer(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 fn gradient_instance(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let axes: Vec<_> = (2..site.shape(0)?.len()).collect();
-    gradient_standardized(site, b, &axes, &by_channel(site)?, g)
+    gradient_standardized(site, b, &axes, &by_channel(site, 2)?, g)
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::testing::{check, fault};
+
+    #[test]
+    fn damaged_models_are_refused() {
+        let image: &[usize] = &[1, 2, 3];
+        let none = "does not have one number for each channel";
+        for operator in ["BatchNormalization", "InstanceNormalization"] {
+            for [first, second] in [[1, 2], [2, 1]] {
+                let error = fault(13, operator, &[image, &[first], &[second], &[2], &[2]], &[]);
+                assert!(error.contains(none), "{error}");
+            }
+            assert!(fault(13, operator, &[&[2], &[2], &[2], &[2], &[2]], &[]).contains(none));
+        }
+        let variance = fault(13, "BatchNormalization", &[image, &[2], &[2], &[2], &[1]], &[]);
+        assert!(variance.contains("its input 5 does not have"), "{variance}");
+        let scale = fault(17, "LayerNormalization", &[&[3], &[2, 1]], &[]);
+        assert!(scale.contains("its input 2 of the shape (2, 1) does not go together"), "{scale}");
+        assert!(fault(17, "LayerNormalization", &[image, &[3], &[2, 1, 1, 3]], &[]).contains("its input 3"));
+    }
 
     #[test]
     fn gradients_are_right_for_each_set_of_values_that_is_normalised() {

@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 use crate::builder::Builder;
 use crate::shapes::{Evaluate, Infer, Shapes};
 use crate::site::Site;
-use crate::tensor::Tensor;
+use crate::tensor::{Tensor, broadcast, shape_text};
 use crate::values::Fact;
 
 /// Gradients by the place of the input that they belong to.
@@ -50,6 +50,20 @@ pub(super) fn given<'a>(inputs: &[Option<&'a Tensor>], place: usize) -> Result<&
         .copied()
         .flatten()
         .ok_or_else(|| Error::new(format!("its input {} is missing", place + 1)))
+}
+
+/// Checks that an input is broadcast to the shape of the first.
+pub(super) fn check_broadcast(site: &Site<'_>, place: usize) -> Result<()> {
+    let (shape, other) = (site.shape(0)?, site.shape(place)?);
+    match broadcast(&[shape, other])? == shape {
+        true => Ok(()),
+        false => Err(Error::new(format!(
+            "its input {} of the shape {} does not go together with its input of the shape {}",
+            place + 1,
+            shape_text(other),
+            shape_text(shape)
+        ))),
+    }
 }
 
 /// The facts of an operator that leaves type and shape as they are.

@@ -37,6 +37,11 @@ fn sources(site: &Site<'_>) -> Result<Vec<Vec<Option<usize>>>> {
         let total = total.filter(|total| (0..=1 << 30).contains(total)).ok_or_else(|| {
             Error::new(format!("its pads {before} and {after} do not fit an axis of the length {length}"))
         })?;
+        if length == 0 && total > 0 && mode != "constant" {
+            return Err(Error::new(format!(
+                "its mode `{mode}` has nothing to repeat along an axis of the length 0"
+            )));
+        }
         let place = |at: i64| match mode {
             "edge" => Ok(Some(at.clamp(0, length - 1))),
             "wrap" => Ok(Some(at.rem_euclid(length.max(1)))),
@@ -48,7 +53,7 @@ fn sources(site: &Site<'_>) -> Result<Vec<Vec<Option<usize>>>> {
             "constant" => Ok(Some(at).filter(|at| (0..length).contains(at))),
             other => Err(Error::new(format!("its mode `{other}` is not known here"))),
         };
-        let places = (0..total).map(|at| Ok(place(at - before)?.map(|place| place as usize)));
+        let places = (0..total).map(|at| Ok(place(at.saturating_sub(before))?.map(|place| place as usize)));
         places.collect::<Result<Vec<_>>>()
     });
     axes.collect()

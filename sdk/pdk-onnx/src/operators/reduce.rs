@@ -4,6 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
+use crate::order::further;
 use crate::site::{Site, axes};
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -13,13 +14,13 @@ pub const OPERATORS: &[Operator] = &[
         "ReduceSum",
         infer,
         |site, inputs| sum(site, inputs, |_| 1.0),
-        Rule::First(|s, b, g| spread(s, b, g, |_| 1.0)),
+        Rule::First(|s, b, g| share_out(s, b, g, |_| 1.0)),
     ),
     Operator::new(
         "ReduceMean",
         infer,
-        |site, inputs| sum(site, inputs, share),
-        Rule::First(|s, b, g| spread(s, b, g, share)),
+        |site, inputs| sum(site, inputs, |count| count as f64),
+        Rule::First(|s, b, g| share_out(s, b, g, share)),
     ),
     Operator::new(
         "ReduceMax",
@@ -57,14 +58,14 @@ fn reduced(site: &Site<'_>) -> Result<Vec<usize>> {
 }
 
 /// The shape in which reduced axes have the length 1.
-fn kept(site: &Site<'_>) -> Result<Vec<usize>> {
+pub fn kept(site: &Site<'_>) -> Result<Vec<usize>> {
     let reduced = reduced(site)?;
     let dims = site.shape(0)?.iter().enumerate();
     Ok(dims.map(|(axis, &dim)| if reduced.contains(&axis) { 1 } else { dim }).collect())
 }
 
 /// The shape in which all axes behind the channels have the length 1.
-fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
+pub fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
     let shape = site.shape(0)?;
     if shape.len() < 3 {
         return Err(Error::new("its input has no spatial axes"));
@@ -72,7 +73,7 @@ fn pooled(site: &Site<'_>) -> Result<Vec<usize>> {
     Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis < 2 { dim } else { 1 }).collect())
 }
 
-fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+pub fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     let fact = site.fact(0)?;
     if site.int("keepdims", 1) != 0 {
         return Ok(vec![Fact::new(fact.element, kept(site)?)]);
@@ -82,24 +83,26 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![Fact::new(fact.element, dims.map(|(_, &dim)| dim).collect())])
 }
 
-fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], weight: fn(usize) -> f64) -> Result<Vec<Tensor>> {
+fn sum(site: &Site<'_>, inputs: &[Option<&Tensor>], divisor: fn(usize) -> f64) -> Result<Vec<Tensor>> {
     let input = given(inputs, 0)?;
-    let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| sum + value)?;
-    let weight = weight(input.values.len() / sums.values.len().max(1));
-    sums.values.iter_mut().for_each(|sum| *sum *= weight);
+    let mut sums = fold(input, &kept(site)?, 0.0, |sum, value| input.element.sum(sum, value))?;
+    let divisor = divisor(input.values.len() / sums.values.len().max(1));
+    // A mean of integers is cut.
+    let share = |sum: f64| if input.element.is_integer() { (sum / divisor).trunc() } else { sum / divisor };
+    sums.values.iter_mut().for_each(|sum| *sum = share(*sum));
     Ok(vec![Tensor { shape: infer(site)?.swap_remove(0).shape, ..sums }])
 }
 
 /// The greatest elements if `sign` is 1, the least ones if it is -1.
 fn extreme(site: &Site<'_>, inputs: &[Option<&Tensor>], kept: &[usize], sign: f64) -> Result<Vec<Tensor>> {
-    let further =
-        |far: f64, value: f64| if (value - far) * sign > 0.0 || value.is_nan() { value } else { far };
-    let found = fold(given(inputs, 0)?, kept, f64::NEG_INFINITY * sign, further)?;
+    let input = given(inputs, 0)?;
+    let start = input.element.saturated(f64::NEG_INFINITY * sign);
+    let found = fold(input, kept, start, |far, value| further(far, value, sign))?;
     Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..found }])
 }
 
 /// Joins the elements that fall together in a shape whose reduced axes have the length 1.
-fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
+pub fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f64) -> Result<Tensor> {
     let mut folded = Tensor::filled(input.element, kept, start)?;
     let mut from = input.values.iter();
     crate::tensor::for_each_position(&input.shape, |at| {
@@ -112,12 +115,17 @@ fn fold(input: &Tensor, kept: &[usize], start: f64, join: impl Fn(f64, f64) -> f
     Ok(folded)
 }
 
-fn spread(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -> Result<Parts> {
-    let (shape, kept) = (site.shape(0)?, kept(site)?);
-    let count = shape.iter().product::<usize>() / kept.iter().product::<usize>().max(1);
-    let g = b.reshape(g, &kept)?;
-    let g = b.scale(&g, weight(count))?;
-    Ok(vec![(0, b.spread(&g, shape)?)])
+/// A value of each group, such as the gradient, at each element of the group.
+pub fn spread(site: &Site<'_>, b: &mut Builder, groups: &str) -> Result<String> {
+    let groups = b.reshape(groups, &kept(site)?)?;
+    b.spread(&groups, site.shape(0)?)
+}
+
+/// The gradient goes to all elements of a group, with the weight that belongs to their number.
+fn share_out(site: &Site<'_>, b: &mut Builder, g: &str, weight: fn(usize) -> f64) -> Result<Parts> {
+    let count = site.shape(0)?.iter().product::<usize>() / kept(site)?.iter().product::<usize>().max(1);
+    let g = b.scale(g, weight(count))?;
+    Ok(vec![(0, spread(site, b, &g)?)])
 }
 
 /// The gradient goes to the elements that equal what was found, in equal shares; all others are `beyond` it, by this operator.
@@ -141,8 +149,8 @@ fn to_the_extreme(site: &Site<'_>, b: &mut Builder, g: &str, kept: &[usize], bey
 mod tests {
     use crate::gradient::{Target, gradients};
     use crate::graph::Graph;
-    use crate::tensor::Tensor;
-    use crate::testing::{Sketch, check};
+    use crate::tensor::{Element, Tensor};
+    use crate::testing::{Sketch, check, computed};
 
     #[test]
     fn gradients_are_spread_over_what_was_summed() {
@@ -161,6 +169,19 @@ mod tests {
             }
         }
         check("global_max_pool");
+    }
+
+    #[test]
+    fn sums_of_integers_wrap_and_their_means_are_cut() {
+        for (operator, value, count, expected) in
+            [("ReduceMean", 3.0, 49, 3.0), ("ReduceSum", 2147483647.0, 2, -2.0), ("ReduceMax", -7.0, 3, -7.0)]
+        {
+            let found = computed(13, |s| {
+                let x = s.weights("x", Tensor::filled(Element::INT32, &[count], value).unwrap());
+                s.node(operator, &[&x], "y", &[]);
+            });
+            assert_eq!(found.unwrap().values, [expected], "{operator}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
+use crate::order::lesser;
 use crate::site::{Site, axes};
 use crate::tensor::{Tensor, elements};
 use crate::values::Fact;
@@ -103,7 +104,7 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
                 let x = x.clamp(0.0, last);
                 let (low, share) = (x.floor(), x - x.floor());
                 row[low as usize] += 1.0 - share;
-                row[(low + 1.0).min(last) as usize] += share;
+                row[lesser(low + 1.0, last) as usize] += share;
             }
             "cubic" => cubic(site, x, &mut row),
             other => return Err(Error::new(format!("its mode `{other}` is not known here"))),
@@ -113,14 +114,19 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
     (0..size).map(row).collect()
 }
 
-/// The weights of cubic interpolation at `x`.
-fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
-    let a = site.float("cubic_coeff_a", -0.75);
-    let weight = |d: f64| match d.abs() {
+/// The weight of an element at a distance in cubic interpolation with a coefficient.
+pub fn cubic_weight(a: f64, distance: f64) -> f64 {
+    match distance.abs() {
         d if d <= 1.0 => ((a + 2.0) * d - (a + 3.0)) * d * d + 1.0,
         d if d < 2.0 => ((a * d - 5.0 * a) * d + 8.0 * a) * d - 4.0 * a,
         _ => 0.0,
-    };
+    }
+}
+
+/// The weights of cubic interpolation at `x`.
+fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
+    let a = site.float("cubic_coeff_a", -0.75);
+    let weight = |distance: f64| cubic_weight(a, distance);
     let excluded = site.int("exclude_outside", 0) != 0;
     let (mut sum, last) = (0.0, row.len() as f64 - 1.0);
     for tap in -1..=2 {
@@ -158,6 +164,11 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
             });
             terms.sum()
         })?;
+    }
+    if image.element.is_integer() {
+        // Integers are cut. As 32-bit floats, weights whose sum is nearly 1 leave whole numbers whole.
+        let cut = |value: f64| image.element.saturated(f64::from(value as f32).trunc());
+        image.values.iter_mut().for_each(|value| *value = cut(*value));
     }
     Ok(vec![image])
 }

@@ -1,9 +1,10 @@
-//! `Softmax` and `LogSoftmax`.
+//! `Softmax`, `LogSoftmax` and `Hardmax`.
 
 use pdk_sdk::error::Result;
 
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
+use crate::order::greater;
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
 
@@ -15,6 +16,7 @@ pub const OPERATORS: &[Operator] = &[
         |site, inputs| evaluate(site, inputs, |log| log),
         Rule::First(log_softmax),
     ),
+    Operator::new("Hardmax", same, hardmax, Rule::Zero),
 ];
 
 /// The axes that sum to one: one axis, or before version 13 all from one on.
@@ -27,20 +29,43 @@ fn axes(site: &Site<'_>) -> Result<Vec<usize>> {
 }
 
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>], finish: fn(f64) -> f64) -> Result<Vec<Tensor>> {
+    each_group(site, inputs, |group| {
+        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
+        let sum: f64 = group.iter().map(|value| libm::exp(value - greatest)).sum();
+        let log = greatest + libm::log(sum);
+        group.iter_mut().for_each(|value| *value = finish(*value - log));
+    })
+}
+
+/// Replaces the elements that belong together, group by group.
+fn each_group(
+    site: &Site<'_>,
+    inputs: &[Option<&Tensor>],
+    replace: impl Fn(&mut [f64]),
+) -> Result<Vec<Tensor>> {
     let mut result = given(inputs, 0)?.clone();
     let axes = axes(site)?;
     let length: usize = axes.iter().map(|&axis| result.shape[axis]).product();
     let inner: usize = result.shape[axes[axes.len() - 1] + 1..].iter().product();
+    let mut group = vec![0.0; length];
     for block in result.values.chunks_mut((length * inner).max(1)) {
         for column in 0..inner {
             let places = || (0..length).map(|row| row * inner + column);
-            let greatest = places().map(|place| block[place]).fold(f64::NEG_INFINITY, f64::max);
-            let sum: f64 = places().map(|place| libm::exp(block[place] - greatest)).sum();
-            let log = greatest + libm::log(sum);
-            places().for_each(|place| block[place] = finish(block[place] - log));
+            group.iter_mut().zip(places()).for_each(|(value, place)| *value = block[place]);
+            replace(&mut group);
+            group.iter().zip(places()).for_each(|(value, place)| block[place] = *value);
         }
     }
     Ok(vec![result])
+}
+
+/// 1 at the first of the greatest elements, else 0.
+fn hardmax(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    each_group(site, inputs, |group| {
+        let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
+        let first = group.iter().position(|value| *value == greatest);
+        group.iter_mut().enumerate().for_each(|(at, value)| *value = f64::from(u8::from(first == Some(at))));
+    })
 }
 
 fn softmax(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

@@ -17,6 +17,14 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new("LessOrEqual", infer, |site, inputs| holds(site, inputs, |a, b| a <= b), Rule::Zero),
     Operator::new("And", infer, |site, inputs| holds(site, inputs, |a, b| a != 0.0 && b != 0.0), Rule::Zero),
     Operator::new("Or", infer, |site, inputs| holds(site, inputs, |a, b| a != 0.0 || b != 0.0), Rule::Zero),
+    Operator::new(
+        "Xor",
+        infer,
+        |site, inputs| holds(site, inputs, |a, b| (a != 0.0) != (b != 0.0)),
+        Rule::Zero,
+    ),
+    Operator::new("IsNaN", infer_one, |_, x| holds_for(x, f64::is_nan), Rule::Zero),
+    Operator::new("IsInf", infer_one, is_infinite, Rule::Zero),
     Operator::new("Not", same, |_, x| each(x, |x| f64::from(u8::from(x == 0.0))), Rule::Zero),
     Operator::new("Floor", same, |_, x| each(x, f64::floor), Rule::Zero),
     Operator::new("Ceil", same, |_, x| each(x, f64::ceil), Rule::Zero),
@@ -32,4 +40,18 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
 fn holds(site: &Site<'_>, inputs: &[Option<&Tensor>], f: fn(f64, f64) -> bool) -> Result<Vec<Tensor>> {
     let values = arithmetic::binary(site, inputs, |a, b| f64::from(u8::from(f(a, b))))?;
     Ok(values.into_iter().map(|tensor| Tensor { element: Element::BOOL, ..tensor }).collect())
+}
+
+fn infer_one(site: &Site<'_>) -> Result<Vec<Fact>> {
+    Ok(vec![Fact::new(Element::BOOL, site.shape(0)?.to_vec())])
+}
+
+fn holds_for(inputs: &[Option<&Tensor>], f: impl Fn(f64) -> bool) -> Result<Vec<Tensor>> {
+    let values = each(inputs, |x| f64::from(u8::from(f(x))))?;
+    Ok(values.into_iter().map(|tensor| Tensor { element: Element::BOOL, ..tensor }).collect())
+}
+
+fn is_infinite(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let (above, below) = (site.int("detect_positive", 1) != 0, site.int("detect_negative", 1) != 0);
+    holds_for(inputs, |x| above && x == f64::INFINITY || below && x == f64::NEG_INFINITY)
 }

@@ -109,6 +109,18 @@ fn both(s: &mut Sketch, operator: &str) {
     s.node(operator, &["x", "other"], "y", &[]);
 }
 
+/// An operator on `x`, weights, something that is computed from `x`, and `x` once more.
+fn several(s: &mut Sketch, operator: &str) {
+    let w = s.drawn(&[6], -1.0, 1.0);
+    s.node("Tanh", &["x"], "other", &[]);
+    s.node(operator, &["x", &w, "other", "x"], "y", &[]);
+}
+
+/// A reduction over two axes, or over one that is dropped. The axes are an attribute before version 18.
+fn reduction(s: &mut Sketch, operator: &str, axes: &[i64], keeps: bool) {
+    s.with_ints(18, operator, "x", "y", ("axes", axes), &[("keepdims", Int(i64::from(keeps)))]);
+}
+
 fn gemm(
     s: &mut Sketch,
     on_right: bool,
@@ -204,6 +216,11 @@ fn clip(s: &mut Sketch, low: Option<f64>, high: Option<f64>) {
     };
     let (low, high) = (bound("low", low), bound("high", high));
     s.node("Clip", &["x", &low, &high], "y", &[]);
+}
+
+fn tile(s: &mut Sketch, repeats: &[i64]) {
+    let repeats = s.ints(repeats);
+    s.node("Tile", &["x", &repeats], "y", &[]);
 }
 
 fn upsample(s: &mut Sketch, mode: &str) {
@@ -324,11 +341,14 @@ pub const CASES: &[Case] = &[
         s.node("Pow", &["x", &two], "y", &[]);
     }),
     case("pow/scalar_right", ALL, &[1], POSITIVE, |s| left(s, "Pow", &[2, 3], 0.5, 2.0)),
-    case("sum", 8..=22, IMAGE, UNIT, |s| {
-        let w = s.drawn(&[6], -1.0, 1.0);
-        s.node("Tanh", &["x"], "other", &[]);
-        s.node("Sum", &["x", &w, "other", "x"], "y", &[]);
-    }),
+    case("sum", 8..=22, IMAGE, UNIT, |s| several(s, "Sum")),
+    case("max", 8..=22, IMAGE, UNIT, |s| right(s, "Max", &[2, 1, 1], -1.0, 1.0)),
+    case("max/several", 8..=22, IMAGE, UNIT, |s| several(s, "Max")),
+    case("max/same", ALL, IMAGE, UNIT, |s| s.node("Max", &["x", "x"], "y", &[])),
+    case("min", 8..=22, IMAGE, UNIT, |s| right(s, "Min", &[2, 1, 1], -1.0, 1.0)),
+    case("min/several", 8..=22, IMAGE, UNIT, |s| several(s, "Min")),
+    case("min/same", ALL, IMAGE, UNIT, |s| s.node("Min", &["x", "x"], "y", &[])),
+    case("mean", 8..=22, IMAGE, UNIT, |s| several(s, "Mean")),
     case("sqrt", ALL, IMAGE, POSITIVE, |s| unary(s, "Sqrt")),
     case("neg", ALL, IMAGE, UNIT, |s| unary(s, "Neg")),
     case("abs", ALL, IMAGE, UNIT, |s| unary(s, "Abs")),
@@ -350,6 +370,19 @@ pub const CASES: &[Case] = &[
     case("clip/low", ALL, IMAGE, UNIT, |s| clip(s, Some(-0.5), None)),
     case("clip/high", ALL, IMAGE, UNIT, |s| clip(s, None, Some(0.25))),
     case("clip/none", ALL, IMAGE, UNIT, |s| unary(s, "Clip")),
+    case("prelu", ALL, IMAGE, UNIT, |s| right(s, "PRelu", &[1], 0.1, 0.9)),
+    case("prelu/channels", ALL, IMAGE, UNIT, |s| right(s, "PRelu", &[2, 1, 1], 0.1, 0.9)),
+    case("prelu/slope", ALL, &[2, 1, 1], UNIT, |s| left(s, "PRelu", &[2, 5, 6], -1.0, 1.0)),
+    case("selu", ALL, IMAGE, UNIT, |s| s.node("Selu", &["x"], "y", &[("gamma", Float(1.25))])),
+    case("celu", 12..=22, IMAGE, UNIT, |s| s.node("Celu", &["x"], "y", &[("alpha", Float(0.75))])),
+    case("thresholded_relu", 10..=22, IMAGE, UNIT, |s| {
+        s.node("ThresholdedRelu", &["x"], "y", &[("alpha", Float(0.25))])
+    }),
+    case("shrink", 9..=22, IMAGE, UNIT, |s| {
+        s.node("Shrink", &["x"], "y", &[("lambd", Float(0.25)), ("bias", Float(0.125))])
+    }),
+    case("mish", 18..=22, IMAGE, WIDE, |s| unary(s, "Mish")),
+    case("softsign", ALL, IMAGE, WIDE, |s| unary(s, "Softsign")),
     case("gelu", 20..=22, IMAGE, WIDE, |s| unary(s, "Gelu")),
     case("gelu/tanh", 20..=22, IMAGE, WIDE, |s| {
         s.node("Gelu", &["x"], "y", &[("approximate", Text("tanh"))])
@@ -519,6 +552,21 @@ pub const CASES: &[Case] = &[
     case("reduce_min/last", 11..=22, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[-1]), &[])
     }),
+    case("reduce_l1", ALL, IMAGE, UNIT, |s| unary(s, "ReduceL1")),
+    case("reduce_l1/axes", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceL1", &[1, 3], true)),
+    case("reduce_l1/dropped", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceL1", &[2], false)),
+    case("reduce_l2", ALL, IMAGE, UNIT, |s| unary(s, "ReduceL2")),
+    case("reduce_l2/axes", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceL2", &[1, 3], true)),
+    case("reduce_l2/dropped", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceL2", &[2], false)),
+    case("reduce_log_sum", ALL, IMAGE, POSITIVE, |s| unary(s, "ReduceLogSum")),
+    case("reduce_log_sum/axes", ALL, IMAGE, POSITIVE, |s| reduction(s, "ReduceLogSum", &[1, 3], true)),
+    case("reduce_log_sum/dropped", ALL, IMAGE, POSITIVE, |s| reduction(s, "ReduceLogSum", &[2], false)),
+    case("reduce_log_sum_exp", ALL, IMAGE, UNIT, |s| unary(s, "ReduceLogSumExp")),
+    case("reduce_log_sum_exp/axes", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceLogSumExp", &[1, 3], true)),
+    case("reduce_log_sum_exp/dropped", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceLogSumExp", &[2], false)),
+    case("reduce_sum_square", ALL, IMAGE, UNIT, |s| unary(s, "ReduceSumSquare")),
+    case("reduce_sum_square/axes", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceSumSquare", &[1, 3], true)),
+    case("reduce_sum_square/dropped", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceSumSquare", &[2], false)),
     case("softmax", ALL, IMAGE, UNIT, |s| unary(s, "Softmax")),
     case("softmax/axis", 13..=22, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
     case("softmax/old", 7..=12, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(2))])),
@@ -571,6 +619,11 @@ pub const CASES: &[Case] = &[
         s.node("Exp", &["d"], "e", &[]);
         s.node("Cast", &["e"], "y", &[("to", Int(1))]);
     }),
+    case("cast/like", 15..=22, IMAGE, UNIT, |s| {
+        s.node("Cast", &["x"], "d", &[("to", Int(11))]);
+        s.node("Exp", &["d"], "e", &[]);
+        s.node("CastLike", &["e", "x"], "y", &[]);
+    }),
     case("reshape", ALL, IMAGE, UNIT, |s| reshape(s, &[3, -1])),
     case("reshape/copied", ALL, IMAGE, UNIT, |s| reshape(s, &[0, 0, 30])),
     case("reshape/computed", ALL, IMAGE, UNIT, |s| computed_shape(s, "Reshape")),
@@ -591,4 +644,20 @@ pub const CASES: &[Case] = &[
         s.node("Transpose", &["x"], "y", &[("perm", Ints(&[0, 2, 3, 1]))])
     }),
     case("transpose/reversed", ALL, &[2, 3, 4], UNIT, |s| unary(s, "Transpose")),
+    case("depth_to_space", ALL, &[1, 8, 2, 3], UNIT, |s| {
+        s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2))])
+    }),
+    case("depth_to_space/crd", 11..=22, &[1, 8, 2, 3], UNIT, |s| {
+        s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2)), ("mode", Text("CRD"))])
+    }),
+    case("space_to_depth", ALL, &[1, 2, 4, 6], UNIT, |s| {
+        s.node("SpaceToDepth", &["x"], "y", &[("blocksize", Int(2))])
+    }),
+    case("tile", ALL, &[2, 1, 3], UNIT, |s| tile(s, &[1, 4, 2])),
+    case("tile/one_axis", ALL, &[5], UNIT, |s| tile(s, &[3])),
+    case("trilu", 14..=22, &[2, 3, 4], UNIT, |s| unary(s, "Trilu")),
+    case("trilu/lower", 14..=22, &[3, 4], UNIT, |s| {
+        let k = s.weights("k", Tensor { shape: Vec::new(), ..Tensor::ints(&[1]) });
+        s.node("Trilu", &["x", &k], "y", &[("upper", Int(0))]);
+    }),
 ];

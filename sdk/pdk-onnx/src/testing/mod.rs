@@ -2,6 +2,8 @@
 
 mod cases;
 #[cfg(test)]
+mod damaged;
+#[cfg(test)]
 mod networks;
 #[cfg(test)]
 mod official;
@@ -106,7 +108,7 @@ pub fn relative_error(found: &[f64], expected: &[f64]) -> f64 {
 /// Checks the gradient of a case by central differences, in each version of the operator set that has it.
 ///
 /// # Panics
-/// If they differ, or there is no such case.
+/// If they differ, or the case is not known.
 #[cfg(test)]
 pub(crate) fn check(name: &str) {
     let case =
@@ -171,6 +173,48 @@ fn check_weights(graph: &Graph, x: (&str, &Tensor), case: &str, place: &str) {
         let error = relative_error(&exact.values, &differences);
         assert!(error < 1e-6, "{place}: `{name}`: relative error {error:e}\n{exact:?}\n{differences:?}");
     }
+}
+
+/// The error of a model whose one operator has inputs of these shapes. What is declared about its output does not hide the damage.
+///
+/// # Panics
+/// If the model is computed.
+#[cfg(test)]
+pub(crate) fn fault(
+    opset: i64,
+    operator: &str,
+    shapes: &[&[usize]],
+    settings: &[(&str, Setting<'_>)],
+) -> String {
+    let mut sketch = Sketch::new(opset);
+    let names: Vec<_> = (0..shapes.len()).map(|place| format!("x{place}")).collect();
+    names.iter().zip(shapes).for_each(|(name, shape)| sketch.input(name, shape));
+    let names: Vec<_> = names.iter().map(String::as_str).collect();
+    sketch.node(operator, &names, "y", settings);
+    let tensors: Vec<_> =
+        shapes.iter().map(|shape| Tensor::filled(crate::Element::FLOAT, shape, 1.0).unwrap()).collect();
+    let given: Vec<_> = names.iter().copied().zip(&tensors).collect();
+    let mut model = sketch.model(&["y"]);
+    let error = Graph::new(model.clone()).and_then(|graph| {
+        graph.fact("y")?;
+        graph.evaluate(&given, &["y"])
+    });
+    model.graph.iter_mut().for_each(|graph| {
+        graph.value_info.push(crate::proto::ValueInfoProto::tensor("y", crate::Element::FLOAT.0, &[3]));
+    });
+    let declared = Graph::new(model).and_then(|graph| graph.evaluate(&given, &["y"]));
+    assert!(declared.is_err(), "{operator} of {shapes:?} is computed if its output is declared");
+    error.err().unwrap_or_else(|| panic!("{operator} of {shapes:?} is computed")).to_string()
+}
+
+/// What a graph computes as `y` from constants alone.
+#[cfg(test)]
+pub(crate) fn computed(opset: i64, build: impl Fn(&mut Sketch)) -> Result<Tensor> {
+    let mut sketch = Sketch::new(opset);
+    build(&mut sketch);
+    let graph = Graph::new(sketch.model(&["y"]))?;
+    graph.fact("y")?;
+    Ok(graph.evaluate(&[], &["y"])?.swap_remove(0))
 }
 
 #[cfg(test)]

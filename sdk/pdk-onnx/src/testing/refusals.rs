@@ -2,8 +2,9 @@
 
 use prost::Message;
 
-use super::Setting::Int;
+use super::Setting::{Int, Ints, Text};
 use super::Sketch;
+use super::damaged::damage;
 use crate::gradient::{Target, gradients, without_gradient};
 use crate::graph::Graph;
 use crate::model;
@@ -16,7 +17,8 @@ fn refusal(model: ModelProto, of: &str) -> String {
     built.err().expect("it is refused").to_string()
 }
 
-fn sketch(opset: i64, build: impl Fn(&mut Sketch)) -> ModelProto {
+/// A model whose input `x` is an image.
+pub(super) fn sketch(opset: i64, build: impl Fn(&mut Sketch)) -> ModelProto {
     let mut sketch = Sketch::new(opset);
     sketch.input("x", &[1, 1, 4, 4]);
     build(&mut sketch);
@@ -36,7 +38,10 @@ fn each_reason_is_named() {
         refusal(sketch(13, |s| s.node("Floor", &["x"], "y", &[])), "x"),
         "`y` does not change with `x`: its gradient is zero everywhere"
     );
-    let unknown = sketch(16, |s| s.node("GridSample", &["x", "x"], "y", &[]));
+    let unknown = sketch(16, |s| {
+        let grid = s.drawn(&[1, 3, 3, 2], -1.0, 1.0);
+        s.node("GridSample", &["x", &grid], "y", &[]);
+    });
     assert_eq!(refusal(unknown, "x"), "these operators have no gradient here: GridSample");
     assert_eq!(
         refusal(sketch(13, |s| s.node("Relu", &["q"], "y", &[])), "x"),
@@ -76,15 +81,18 @@ fn each_reason_is_named() {
 #[test]
 fn operators_without_a_gradient_are_listed_where_shapes_are_declared() {
     let mut model = sketch(16, |s| {
-        s.node("Celu", &["x"], "c", &[]);
-        s.node("Mish", &["c"], "m", &[]);
-        s.node("Mish", &["m"], "y", &[]);
+        s.node("Bernoulli", &["x"], "c", &[]);
+        s.node("RandomNormalLike", &["c"], "m", &[]);
+        s.node("RandomNormalLike", &["m"], "y", &[]);
     });
     let graph = model.graph.as_mut().unwrap();
     graph.value_info = ["c", "m", "y"].map(|name| ValueInfoProto::tensor(name, 1, &[1, 1, 4, 4])).into();
-    assert_eq!(refusal(model.clone(), "x"), "these operators have no gradient here: Celu, Mish");
+    assert_eq!(
+        refusal(model.clone(), "x"),
+        "these operators have no gradient here: Bernoulli, RandomNormalLike"
+    );
     let graph = Graph::new(model).unwrap();
-    assert_eq!(without_gradient(&graph, "y", "m"), ["Mish"]);
+    assert_eq!(without_gradient(&graph, "y", "m"), ["RandomNormalLike"]);
     assert!(
         gradients(&graph, Target { value: "y", index: 16 }, &["y"], &[])
             .err()
@@ -104,14 +112,9 @@ fn open_shapes_and_damaged_files_are_refused() {
         let _ = model::decode(&whole[..length]).and_then(Graph::new);
     }
     assert!(model::decode(&whole[..whole.len() / 2]).is_err());
-    for place in 0..whole.len() {
-        let mut damaged = whole.clone();
-        damaged[place] ^= 0x55;
-        let target = Target { value: "y", index: 0 };
-        let _ = model::decode(&damaged)
-            .and_then(Graph::new)
-            .and_then(|graph| gradients(&graph, target, &["x"], &[]));
-    }
+    damage(&model, &[0x55], |graph| {
+        let _ = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]);
+    });
     let dims = &mut model.graph.as_mut().unwrap().input[0]
         .r#type
         .as_mut()
@@ -135,6 +138,23 @@ fn open_shapes_and_damaged_files_are_refused() {
 }
 
 #[test]
+fn batch_normalization_for_training_is_refused() {
+    let model = |opset: i64, outputs: &[&str], mode: i64| {
+        sketch(opset, |s| {
+            let w = s.drawn(&[1], 0.5, 1.0);
+            s.split("BatchNormalization", &["x", &w, &w, &w, &w], outputs, &[("training_mode", Int(mode))]);
+        })
+    };
+    for model in [model(15, &["y"], 1), model(9, &["y", "mean"], 0)] {
+        let error = refusal(model, "x");
+        assert!(error.ends_with("it is set to training; export the model for inference"), "{error}");
+    }
+    for (opset, outputs) in [(15, &["y"][..]), (9, &["y", ""])] {
+        assert!(Graph::new(model(opset, outputs, 0)).unwrap().fact("y").is_ok());
+    }
+}
+
+#[test]
 fn tensors_that_would_be_huge_are_refused() {
     let model = sketch(13, |s| {
         let shape = s.ints(&[1 << 20, 1 << 20, 4, 4]);
@@ -146,6 +166,23 @@ fn tensors_that_would_be_huge_are_refused() {
         s.node("Pad", &["x", &pads], "y", &[]);
     });
     assert!(refusal(model, "x").contains("do not fit an axis of the length 4"));
+    let model = sketch(13, |s| {
+        let w = s.drawn(&[1, 1, 2, 2], -1.0, 1.0);
+        s.node("Conv", &["x", &w], "y", &[("pads", Ints(&[i64::MAX, 0, i64::MAX, 0]))]);
+    });
+    assert!(refusal(model, "x").ends_with("but can be 1073741824 at most"));
+}
+
+#[test]
+fn nothing_is_repeated_along_an_empty_axis() {
+    for mode in ["edge", "reflect", "wrap"] {
+        let model = sketch(19, |s| {
+            let (empty, pads) = (s.drawn(&[0], -1.0, 1.0), s.ints(&[1, 1]));
+            s.node("Pad", &[&empty, &pads], "y", &[("mode", Text(mode))]);
+        });
+        let error = Graph::new(model).unwrap().fact("y").unwrap_err().to_string();
+        assert!(error.contains("has nothing to repeat along an axis of the length 0"), "{error}");
+    }
 }
 
 #[test]
