@@ -8,6 +8,7 @@
 mod buffer;
 mod convolution;
 mod elementwise;
+mod functions;
 mod lanes;
 mod matrix;
 mod movement;

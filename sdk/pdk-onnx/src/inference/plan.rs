@@ -8,6 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use super::buffer::{Buffer, Operation, is_single};
 use super::convolution::Convolution;
 use super::elementwise::{Binary, Unary};
+use super::functions::Exponential;
 use super::matrix::Product;
 use super::movement::{Movement, moved};
 use super::normalization::Normalization;
@@ -317,6 +318,9 @@ fn operation(
         }
         if let Some(unary) = Unary::new(site)? {
             return Ok(Box::new(unary));
+        }
+        if let Some(exponential) = Exponential::new(site) {
+            return Ok(Box::new(exponential));
         }
     }
     let floats = computed.iter().all(|element| element.is_float());

@@ -41,6 +41,12 @@ struct Block {
 /// How many vectors of outputs are computed together where there is one place: enough sums to keep the processor busy.
 const VECTORS_OF_ONE: usize = 8;
 
+/// Weights that are used for all tiles of a group before the next ones are: 16 KiB stay in the first cache of every processor of today.
+const CHUNK: usize = 4 << 10;
+
+/// The tiles of a group.
+const TILES: usize = 16;
+
 impl Packed {
     /// Packs the weights of `outputs` sums over `taps` products for an input with this many places. `weight` gives the weight of an output
     /// and a tap, `start` what the sum of an output begins with.
@@ -57,9 +63,9 @@ impl Packed {
             let left = (outputs - first).div_ceil(LANES);
             let vectors = match left {
                 _ if places == 1 && left >= VECTORS_OF_ONE => VECTORS_OF_ONE,
-                // Three and one are slower than two and two.
-                4 => 2,
-                _ => left.min(3),
+                // Pairs are fastest; three are better than a pair and one.
+                _ if left % 2 == 1 && left > 1 => 3,
+                _ => left.min(2),
             };
             let count = (vectors * LANES).min(outputs - first);
             let mut weights = vec![0.0; taps * vectors * LANES];
@@ -116,37 +122,61 @@ impl<'a> Sums<'a> {
 
     #[inline(always)]
     fn block<L: Lanes, const VECTORS: usize, const PLACES: usize>(&mut self, block: &Block) {
-        assert!(
-            block.weights.len() == self.taps.len() * VECTORS * LANES && block.start.len() == VECTORS * LANES
-        );
-        for places in self.places.chunks(PLACES) {
-            // A short tile computes its last place several times.
-            let from = array::from_fn(|place| places[place.min(places.len() - 1)].from as usize);
-            // SAFETY: `new` has seen that each place with each tap lies inside the input, and the weights are as many as the assertion says.
-            let sums: [[L; VECTORS]; PLACES] =
-                unsafe { tile(self.input, from, self.taps, &block.weights, &block.start) };
-            let values = sums.map(|vectors| vectors.map(L::to_array));
-            let side_by_side =
-                places.len() == PLACES && places.windows(2).all(|two| two[1].to == two[0].to + 1);
-            if side_by_side && self.apart != 1 {
-                let first = places[0].to as usize + block.first * self.apart;
-                for output in 0..block.count {
-                    let row = &mut self.into[first + output * self.apart..][..PLACES];
-                    for (into, values) in row.iter_mut().zip(&values) {
-                        *into = values[output / LANES][output % LANES];
+        let row = VECTORS * LANES;
+        assert!(block.weights.len() == self.taps.len() * row && block.start.len() == row);
+        // Sums that are not finished wait here; what is written and read again loses nothing.
+        let mut waiting = [[[[0.0; LANES]; VECTORS]; PLACES]; TILES];
+        let chunk = CHUNK / row;
+        for group in self.places.chunks(PLACES * TILES) {
+            for first in (0..self.taps.len().max(1)).step_by(chunk) {
+                let last = (first + chunk).min(self.taps.len());
+                let (taps, weights) = (&self.taps[first..last], &block.weights[first * row..last * row]);
+                for (places, sums) in group.chunks(PLACES).zip(&mut waiting) {
+                    // A short tile computes its last place several times.
+                    let from = array::from_fn(|place| places[place.min(places.len() - 1)].from as usize);
+                    if first == 0 {
+                        for vectors in sums.iter_mut() {
+                            vectors.as_flattened_mut().copy_from_slice(&block.start);
+                        }
                     }
+                    // SAFETY: `new` has seen that each place with each tap lies inside the input, and the weights are as many as the
+                    // assertion says.
+                    unsafe { tile::<L, VECTORS, PLACES>(self.input, from, taps, weights, sums) };
                 }
-                continue;
             }
-            for (place, values) in places.iter().zip(&values) {
-                let to = place.to as usize + block.first * self.apart;
-                let values = &values.as_flattened()[..block.count];
-                if self.apart == 1 {
-                    self.into[to..to + block.count].copy_from_slice(values);
-                } else {
-                    for (output, value) in values.iter().enumerate() {
-                        self.into[to + output * self.apart] = *value;
-                    }
+            for (places, sums) in group.chunks(PLACES).zip(&waiting) {
+                self.write(block, places, sums);
+            }
+        }
+    }
+
+    /// Puts the sums of a tile where they belong.
+    #[inline(always)]
+    fn write<const VECTORS: usize, const PLACES: usize>(
+        &mut self,
+        block: &Block,
+        places: &[Place],
+        sums: &[[[f32; LANES]; VECTORS]; PLACES],
+    ) {
+        let side_by_side = places.len() == PLACES && places.windows(2).all(|two| two[1].to == two[0].to + 1);
+        if side_by_side && self.apart != 1 {
+            let first = places[0].to as usize + block.first * self.apart;
+            for output in 0..block.count {
+                let row = &mut self.into[first + output * self.apart..][..PLACES];
+                for (into, sums) in row.iter_mut().zip(sums) {
+                    *into = sums[output / LANES][output % LANES];
+                }
+            }
+            return;
+        }
+        for (place, sums) in places.iter().zip(sums) {
+            let to = place.to as usize + block.first * self.apart;
+            let sums = &sums.as_flattened()[..block.count];
+            if self.apart == 1 {
+                self.into[to..to + block.count].copy_from_slice(sums);
+            } else {
+                for (output, sum) in sums.iter().enumerate() {
+                    self.into[to + output * self.apart] = *sum;
                 }
             }
         }
@@ -158,34 +188,33 @@ impl Work for Sums<'_> {
     fn with<L: Lanes>(mut self) {
         let packed = self.packed;
         for block in &packed.blocks {
-            // As many sums as there are registers for, beside a row of weights and an element of the input.
+            // As many sums as sixteen registers have room for, beside a row of weights and an element of the input, and as many places
+            // as others have room for.
             match block.vectors {
                 VECTORS_OF_ONE => self.block::<L, VECTORS_OF_ONE, 1>(block),
-                3 => self.block::<L, 3, 4>(block),
+                3 => self.block::<L, 3, 3>(block),
                 2 => self.block::<L, 2, 6>(block),
-                _ => self.block::<L, 1, 12>(block),
+                _ => self.block::<L, 1, 8>(block),
             }
         }
     }
 }
 
-/// The sums of a tile.
+/// Adds the products of these taps to the sums of a tile.
 ///
 /// # Safety
-/// Each element of `from` with each tap has to lie inside the input. There are `VECTORS * LANES` weights for each tap, and as many
-/// starts.
+/// Each element of `from` with each tap has to lie inside the input. There are `VECTORS * LANES` weights for each tap.
 #[inline(always)]
 unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
     input: &[f32],
     from: [usize; PLACES],
     taps: &[u32],
     weights: &[f32],
-    start: &[f32],
-) -> [[L; VECTORS]; PLACES] {
-    // SAFETY: the starts are as many as that.
-    let starts: [L; VECTORS] =
-        array::from_fn(|vector| unsafe { L::load(start.as_ptr().add(vector * LANES)) });
-    let mut sums = [starts; PLACES];
+    waiting: &mut [[[f32; LANES]; VECTORS]; PLACES],
+) {
+    // SAFETY: each is an array of as many numbers as there are lanes.
+    let mut sums: [[L; VECTORS]; PLACES] =
+        array::from_fn(|place| array::from_fn(|vector| unsafe { L::load(waiting[place][vector].as_ptr()) }));
     // SAFETY: the places lie inside the input.
     let places = from.map(|from| unsafe { input.as_ptr().add(from) });
     let mut row = weights.as_ptr();
@@ -202,7 +231,9 @@ unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
             }
         }
     }
-    sums
+    for (waiting, sums) in waiting.iter_mut().zip(sums) {
+        *waiting = sums.map(L::to_array);
+    }
 }
 
 #[cfg(test)]
