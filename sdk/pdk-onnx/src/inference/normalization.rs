@@ -11,8 +11,8 @@ use crate::site::Site;
 pub struct Normalization {
     /// The elements of a channel.
     plane: usize,
-    /// Mean, deviation, factor and addend of each channel.
-    channels: Vec<[f64; 4]>,
+    /// Factor and addend of each channel, into which mean and deviation have been put.
+    channels: Vec<[f64; 2]>,
 }
 
 impl Normalization {
@@ -31,7 +31,8 @@ impl Normalization {
         }
         let epsilon = normalization::epsilon(site);
         let channel = |at: usize| {
-            [mean.values[at], libm::sqrt(variance.values[at] + epsilon), scale.values[at], bias.values[at]]
+            let factor = scale.values[at] / libm::sqrt(variance.values[at] + epsilon);
+            [factor, bias.values[at] - mean.values[at] * factor]
         };
         let plane = site.shape(0)?[2..].iter().product();
         Ok(Some(Self { plane, channels: (0..count).map(channel).collect() }))
@@ -42,9 +43,8 @@ impl Operation for Normalization {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
         let planes = input.chunks_exact(self.plane.max(1)).zip(into.chunks_exact_mut(self.plane.max(1)));
-        for ((plane, into), [mean, deviation, scale, bias]) in planes.zip(self.channels.iter().cycle()) {
-            let normalized = |x: &f32| ((f64::from(*x) - mean) / deviation * scale + bias) as f32;
-            into.iter_mut().zip(plane).for_each(|(into, x)| *into = normalized(x));
+        for ((plane, into), [factor, addend]) in planes.zip(self.channels.iter().cycle()) {
+            into.iter_mut().zip(plane).for_each(|(into, x)| *into = (f64::from(*x) * factor + addend) as f32);
         }
         Ok(())
     }

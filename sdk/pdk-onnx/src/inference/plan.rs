@@ -13,7 +13,7 @@ use super::matrix::Product;
 use super::movement::{Movement, moved};
 use super::normalization::Normalization;
 use super::plain::{self, Plain};
-use super::pooling::Pool;
+use super::pooling::{Mean, Pool};
 use super::resize::Resize;
 use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
@@ -306,6 +306,7 @@ fn operation(
             "MatMul" => return Ok(Box::new(Product::stacks(site, known(1))?)),
             "Gemm" => return Ok(Box::new(Product::and_sum(site, known(1), known(2))?)),
             "Resize" | "Upsample" => return Ok(Box::new(Resize::new(site)?)),
+            "GlobalAveragePool" => return Ok(Box::new(Mean)),
             _ => {}
         }
         if let Some(pool) = Pool::new(site)? {

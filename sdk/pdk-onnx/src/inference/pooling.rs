@@ -1,4 +1,4 @@
-//! `MaxPool` and `AveragePool`.
+//! `MaxPool`, `AveragePool` and `GlobalAveragePool`.
 
 use pdk_sdk::error::Result;
 
@@ -10,11 +10,28 @@ use crate::site::Site;
 pub struct Pool {
     /// The elements of a channel of the input.
     input: usize,
-    /// For each element of the kernel the elements of a channel that it joins, as those of the output and of the input.
-    pairs: Vec<(u32, u32)>,
+    /// For each element of the kernel the elements of a channel that it joins.
+    runs: Vec<Run>,
+    /// How far apart the elements of the input are that belong to neighbouring places.
+    step: usize,
     /// By how much the sum at each place is divided; none for the greatest.
     divisors: Option<Vec<f64>>,
     sums: Vec<f64>,
+}
+
+/// Neighbouring places of the output, and the elements of the input that an element of the kernel joins with them.
+struct Run {
+    to: usize,
+    from: usize,
+    count: usize,
+}
+
+impl Run {
+    /// Calls `join` with each place of a plane and its element.
+    fn each<T>(&self, plane: &mut [T], source: &[f32], step: usize, join: impl Fn(&mut T, f32)) {
+        let values = source[self.from..].iter().step_by(step);
+        plane[self.to..][..self.count].iter_mut().zip(values).for_each(|(into, value)| join(into, *value));
+    }
 }
 
 impl Pool {
@@ -31,9 +48,20 @@ impl Pool {
         let window = max_pool::window(site)?;
         let divisors = average.then(|| average_pool::divisors(site, &window));
         let output = window.output.iter().product();
+        let step = window.strides.last().copied().unwrap_or(1);
+        let mut runs: Vec<Run> = Vec::new();
+        for &(to, from) in window.pairs().iter().flatten() {
+            match runs.last_mut() {
+                Some(run) if to == run.to + run.count && from == run.from + run.count * step => {
+                    run.count += 1
+                }
+                _ => runs.push(Run { to, from, count: 1 }),
+            }
+        }
         Ok(Some(Self {
+            runs,
+            step,
             input: window.input.iter().product(),
-            pairs: window.pairs().iter().flatten().map(|&(to, from)| (to as u32, from as u32)).collect(),
             sums: vec![0.0; if average { output } else { 0 }],
             divisors,
         }))
@@ -48,19 +76,34 @@ impl Operation for Pool {
         for (plane, source) in planes.zip(image.chunks_exact(self.input.max(1))) {
             let Some(divisors) = &self.divisors else {
                 plane.fill(f32::NEG_INFINITY);
-                for &(to, from) in &self.pairs {
-                    let (greatest, value) = (&mut plane[to as usize], source[from as usize]);
-                    *greatest = if value > *greatest { value } else { *greatest };
+                for run in &self.runs {
+                    run.each(plane, source, self.step, |greatest, value| {
+                        *greatest = if value > *greatest { value } else { *greatest };
+                    });
                 }
                 continue;
             };
             self.sums.fill(0.0);
-            for &(to, from) in &self.pairs {
-                self.sums[to as usize] += f64::from(source[from as usize]);
+            for run in &self.runs {
+                run.each(&mut self.sums, source, self.step, |sum, value| *sum += f64::from(value));
             }
             for ((into, sum), divisor) in plane.iter_mut().zip(&self.sums).zip(divisors) {
                 *into = (sum / divisor) as f32;
             }
+        }
+        Ok(())
+    }
+}
+
+/// The mean of each channel.
+pub struct Mean;
+
+impl Operation for Mean {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let (image, result) = (single(inputs, 0)?, outputs[0].single_mut()?);
+        let count = image.len() / result.len().max(1);
+        for (into, plane) in result.iter_mut().zip(image.chunks_exact(count.max(1))) {
+            *into = (plane.iter().map(|value| f64::from(*value)).sum::<f64>() / count as f64) as f32;
         }
         Ok(())
     }
