@@ -32,8 +32,9 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>], finish: fn(f64) -> f64)
     each_group(site, inputs, |group| {
         let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
         let sum: f64 = group.iter().map(|value| libm::exp(value - greatest)).sum();
-        let log = greatest + libm::log(sum);
-        group.iter_mut().for_each(|value| *value = finish(*value - log));
+        let log = libm::log(sum);
+        // In this order, since the greatest may be so large that nothing of the logarithm is left in a sum with it.
+        group.iter_mut().for_each(|value| *value = finish((*value - greatest) - log));
     })
 }
 
@@ -85,7 +86,21 @@ fn log_softmax(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::tensor::Tensor;
+    use crate::testing::{Sketch, check};
+
+    #[test]
+    fn shares_sum_to_one_however_large_the_values_are() {
+        let mut s = Sketch::new(17);
+        s.input("x", &[1, 4]);
+        s.node("Softmax", &["x"], "y", &[]);
+        let graph = Graph::new(s.model(&["y"])).unwrap();
+        let x = Tensor::floats(&[1, 4], vec![1e20, 1e20, -1e20, 1e20]);
+        let shares = graph.evaluate(&[("x", &x)], &["y"]).unwrap().swap_remove(0);
+        let expected = [1.0 / 3.0, 1.0 / 3.0, 0.0, 1.0 / 3.0];
+        assert!(shares.values.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
+    }
 
     #[test]
     fn gradients_are_right_along_each_axis_and_in_old_versions() {
