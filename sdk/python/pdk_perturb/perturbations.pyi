@@ -86,7 +86,7 @@ def artistic(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "pdk", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     during: Mapping[str, Any] | None = None,
@@ -103,7 +103,7 @@ def artistic(
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
-        installed, else tract (default "auto").
+        installed, else pdk (default "auto").
     Source: Dumoulin et al., A Learned Representation for Artistic Style, 2017.
     Not part of the default set.
     """
@@ -711,7 +711,7 @@ def fgsm(
     brightness: float | None = None,
     noise: float | None = None,
     model: str | PathLike[str] | None = None,
-    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    engine: Literal["pdk", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
@@ -765,10 +765,9 @@ def fgsm(
         255; 0 to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
-    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
-        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
-        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
-        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    engine: who runs the network: pdk computes the same on every processor; onnxruntime is ONNX Runtime, which has
+        to be installed, knows more operators, and computes as the processor lets it; auto is onnxruntime if it is
+        installed, else pdk. A scenario records the engine with its version, such as pdk 1 (default "pdk").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
@@ -1837,7 +1836,7 @@ def night(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "pdk", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     during: Mapping[str, Any] | None = None,
@@ -1853,7 +1852,7 @@ def night(
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
-        installed, else tract (default "auto").
+        installed, else pdk (default "auto").
     Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
     Not part of the default set.
     """
@@ -2026,7 +2025,7 @@ def pgd(
     brightness: float | None = None,
     noise: float | None = None,
     model: str | PathLike[str] | None = None,
-    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    engine: Literal["pdk", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
@@ -2085,10 +2084,9 @@ def pgd(
         255; 0 to 255; default 8.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
-    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
-        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
-        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
-        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    engine: who runs the network: pdk computes the same on every processor; onnxruntime is ONNX Runtime, which has
+        to be installed, knows more operators, and computes as the processor lets it; auto is onnxruntime if it is
+        installed, else pdk. A scenario records the engine with its version, such as pdk 1 (default "pdk").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
@@ -2317,7 +2315,7 @@ def rainy(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "pdk", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     during: Mapping[str, Any] | None = None,
@@ -2333,7 +2331,7 @@ def rainy(
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
-        installed, else tract (default "auto").
+        installed, else pdk (default "auto").
     Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
     Not part of the default set.
     """
@@ -2383,7 +2381,7 @@ def repaint(
     level: Level = 2.0,
     *,
     model: str | PathLike[str] | None = None,
-    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    engine: Literal["pdk", "auto", "onnxruntime"] | None = None,
     layout: Literal["auto", "nchw", "nhwc"] | None = None,
     scale: Literal["0..255", "0..1", "-1..1"] | None = None,
     color: Literal["rgb", "bgr"] | None = None,
@@ -2404,10 +2402,9 @@ def repaint(
     """Repaints the frame with a network that makes of an image another one.
 
     model: the ONNX file: an image of one or three channels in, and the result as its first output.
-    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
-        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
-        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
-        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    engine: who runs the network: pdk computes the same on every processor; onnxruntime is ONNX Runtime, which has
+        to be installed, knows more operators, and computes as the processor lets it; auto is onnxruntime if it is
+        installed, else pdk. A scenario records the engine with its version, such as pdk 1 (default "pdk").
     layout: where the channels are: before or after height and width; auto reads it from the input's shape (default
         "auto").
     scale: the range of pixel values that the network was trained on (default "0..255").
@@ -2785,7 +2782,7 @@ def square_attack(
     goal: Literal["away", "left", "right", "target"] | None = None,
     target: float | None = None,
     model: str | PathLike[str] | None = None,
-    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
+    engine: Literal["pdk", "auto", "onnxruntime"] | None = None,
     preset: Literal["auto", "dave2", "udacity", "donkeycar_linear", "donkeycar_categorical", "donkeycar_memory", "donkeycar_rnn", "donkeycar_3d"] | None = None,
     crop: Any | None = None,
     image_size: Any | None = None,
@@ -2828,10 +2825,9 @@ def square_attack(
         to 1; default 0.0).
     model: the ONNX file of the network that is attacked, or the name of a network that is part of pdk; it need not
         be the driver.
-    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
-        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
-        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
-        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
+    engine: who runs the network: pdk computes the same on every processor; onnxruntime is ONNX Runtime, which has
+        to be installed, knows more operators, and computes as the processor lets it; auto is onnxruntime if it is
+        installed, else pdk. A scenario records the engine with its version, such as pdk 1 (default "pdk").
     preset: a description that has a name; fields beside it override its fields; auto: as the file beside the model
         says, or none (default "auto").
     crop: what is cut off at each side: whole numbers are pixels, numbers below 1 are shares ({ top = 60, bottom =
