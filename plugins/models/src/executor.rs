@@ -61,7 +61,11 @@ impl Session for Executor {
             true => {
                 for ((into, taken), values) in self.values.iter_mut().zip(&self.inputs).zip(inputs) {
                     into.clear();
-                    into.extend(values.iter().map(|value| if taken.is_whole() { taken.whole(*value) } else { *value }));
+                    into.extend(
+                        values
+                            .iter()
+                            .map(|value| if taken.is_whole() { taken.whole(*value) } else { *value }),
+                    );
                 }
                 self.program.run(&self.values, outputs)
             }

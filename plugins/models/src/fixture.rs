@@ -92,20 +92,12 @@ impl Pilot {
                     graph.node.push(node("Add", &[&sum, second], name));
                 }
             }
-            graph.output.push(value_info(
-                name,
-                Element::FLOAT,
-                &[self.dims[0].clone(), columns.to_string()],
-            ));
+            graph.output.push(value_info(name, Element::FLOAT, &[self.dims[0].clone(), columns.to_string()]));
         }
         if let Some(copy) = self.copy {
             let (of, columns) = self.outputs[0];
             graph.node.push(node("Identity", &[of], copy));
-            graph.output.push(value_info(
-                copy,
-                Element::FLOAT,
-                &[self.dims[0].clone(), columns.to_string()],
-            ));
+            graph.output.push(value_info(copy, Element::FLOAT, &[self.dims[0].clone(), columns.to_string()]));
         }
         let opset = pb::OperatorSetIdProto { version: 17, ..Default::default() };
         let model = pb::ModelProto {

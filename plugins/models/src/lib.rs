@@ -8,8 +8,8 @@
 //! [`picture`].
 
 mod backward;
-mod executor;
 mod engine;
+mod executor;
 mod locate;
 mod model_file;
 mod onnxruntime;

@@ -230,8 +230,7 @@ mod tests {
     #[test]
     fn weights_are_read_from_the_folder_of_the_model_only() {
         let refused = |location: &str| {
-            let mut model =
-                ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
+            let mut model = ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
             let entry = StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
             let weight = &mut model.graph.as_mut().unwrap().initializer[0];
             weight.external_data = vec![entry];

@@ -29,7 +29,7 @@ pub(crate) fn bytes(element: Element, values: &[f64]) -> Vec<u8> {
 }
 
 fn bytes_of(element: Element, value: f64) -> Vec<u8> {
-    match (element.0, Narrow::of(element)) {
+    match (element.0, Narrow::of(element.0)) {
         (_, Some(narrow)) => narrow.write(value).to_le_bytes()[..narrow.bits as usize / 8].to_vec(),
         (2, _) => (value as u8).to_le_bytes().to_vec(),
         (3, _) => (value as i8).to_le_bytes().to_vec(),
@@ -47,7 +47,7 @@ fn bytes_of(element: Element, value: f64) -> Vec<u8> {
 
 /// The float of 8 or 16 bits that these bits are; nothing for other types.
 pub(crate) fn float(element: Element, bits: u16) -> Option<f64> {
-    Narrow::of(element).map(|narrow| narrow.read(bits))
+    Narrow::of(element.0).map(|narrow| narrow.read(bits))
 }
 
 /// This many integers of 4 bits, of which two share a byte.

@@ -93,7 +93,7 @@ impl Element {
         match self {
             Self::FLOAT => f64::from(value as f32),
             Self::INT64 | Self::UINT64 => self.saturated(value),
-            _ if !self.is_integer() => Narrow::of(self).map_or(value, |narrow| narrow.round(value)),
+            _ if !self.is_integer() => Narrow::of(self.0).map_or(value, |narrow| narrow.round(value)),
             _ if value.is_finite() => self.wrapped(value as i128),
             _ => self.saturated(value),
         }
@@ -102,7 +102,7 @@ impl Element {
     /// What an element of this type becomes in another: floats are cut and saturate in integers, and integers wrap. Floats of 8 bits
     /// saturate if they are to. A 32-bit float keeps the digits of a 64-bit float, so that differences of them show slopes.
     pub(crate) fn converted(self, to: Self, value: f64, saturate: bool) -> f64 {
-        match Narrow::of(to) {
+        match Narrow::of(to.0) {
             _ if to == Self::BOOL => f64::from(u8::from(value != 0.0)),
             _ if to.is_integer() && self.is_integer() => to.wrapped(self.whole(value)),
             _ if to.is_integer() => to.saturated(value),

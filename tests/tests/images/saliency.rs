@@ -25,11 +25,7 @@ fn maps_are_written_by_cell_and_by_pixel_with_a_picture_of_each() {
     pictures::write(&image, 320, 160);
     let maps = dir.path().join("maps");
     let saliency = |more: &[&str]| {
-        Pdk::new(["saliency"])
-            .arg(&image)
-            .args(["--driver", "dave2,engine=pdk", "-o"])
-            .arg(&maps)
-            .args(more)
+        Pdk::new(["saliency"]).arg(&image).args(["--driver", "dave2,engine=pdk", "-o"]).arg(&maps).args(more)
     };
     let methods = [
         "--with",
@@ -288,7 +284,7 @@ fn unusual_networks_work_or_say_why_not() {
             Convolution { image: ["1", "3", "H", "W"], ..usual },
             "(1, 3, H, W) without a fixed height and width",
         ),
-        (Convolution { element: 10, ..usual }, "cannot prepare the model"),
+        (Convolution { element: 10, ..usual }, "is FLOAT16, but gradients need FLOAT (32 bit)"),
         (Convolution { cut: true, ..usual }, "cannot compute the model; ONNX Runtime may be able to"),
     ] {
         refused.write(&file);

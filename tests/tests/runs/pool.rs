@@ -105,7 +105,8 @@ fn a_pool_of_an_earlier_pdk_works_without_what_it_does_not_have() {
     };
     let driver = pipeline(folder.path(), &evaluate("larger", "driver = 'lane_keeper'"));
     run(&driver, &folder.path().join("driver")).args(["--pool", &earlier]).succeed();
-    let looking = "predictor = { name = 'network', model = pdk.path('colours.onnx'), scale = '0..1', engine = 'pdk' },
+    let looking =
+        "predictor = { name = 'network', model = pdk.path('colours.onnx'), scale = '0..1', engine = 'pdk' },
         task = { kind = 'function', score = function(seen) return seen.outputs.scores.values[1] end }";
     let predictor = pipeline(folder.path(), &evaluate("data", looking));
     run(&predictor, &folder.path().join("here-too")).succeed();

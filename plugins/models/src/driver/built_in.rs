@@ -28,8 +28,7 @@ mod tests {
     #[test]
     fn a_network_drives_as_the_file_that_it_was_made_from() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/dave2.onnx");
-        let given =
-            Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "pdk".into())]);
+        let given = Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "pdk".into())]);
         let mut from_file = Onnx::new(&Config::check(&Onnx::description(), &given).unwrap()).unwrap();
         let given = Map::from_iter([("engine".to_owned(), "pdk".into())]);
         let mut own = Dave2::new(&Config::check(&Dave2::description(), &given).unwrap()).unwrap();

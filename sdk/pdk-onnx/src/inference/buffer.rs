@@ -1,8 +1,10 @@
 //! The values of a graph while it runs.
 
+use std::sync::Arc;
+
 use pdk_sdk::error::{Error, Result};
 
-use crate::tensor::Element;
+use crate::tensor::{Element, Tensor};
 
 /// The elements of a value.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,6 +83,9 @@ impl Buffer {
         }
     }
 }
+
+/// The constants among the inputs of a node.
+pub type Constants = [Option<Arc<Tensor>>];
 
 /// Whether a 32-bit float holds every value of a type.
 pub fn is_single(element: Element) -> bool {

@@ -5,8 +5,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::buffer::{Buffer, Operation};
-use super::plan::Constants;
+use super::buffer::{Buffer, Constants, Operation};
 use crate::operators::Operator;
 use crate::site::Site;
 use crate::tensor::{Tensor, elements};

@@ -2,8 +2,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::buffer::{Buffer, Operation, single};
-use super::plan::Constants;
+use super::buffer::{Buffer, Constants, Operation, single};
 use crate::operators::normalization;
 use crate::site::Site;
 

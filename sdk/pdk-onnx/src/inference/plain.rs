@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Place, Result};
 
-use super::buffer::{Buffer, Operation};
-use super::plan::Constants;
+use super::buffer::{Buffer, Constants, Operation};
 use crate::graph::{Graph, describe};
 use crate::operators::{self, Operator};
 use crate::site::Site;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
-use super::buffer::{Buffer, Operation, is_single};
+use super::buffer::{Buffer, Constants, Operation, is_single};
 use super::convolution::Convolution;
 use super::elementwise::{Binary, Unary};
 use super::functions::Exponential;
@@ -23,9 +23,6 @@ use crate::tensor::{Element, Tensor, shape_text};
 
 /// The most elements of a value: far above those of any driver, and a small file can describe values of any size.
 const LARGEST: usize = 1 << 26;
-
-/// The constants among the inputs of a node.
-pub type Constants = [Option<Arc<Tensor>>];
 
 /// Prepares the outputs of a graph.
 ///
