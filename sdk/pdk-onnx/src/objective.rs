@@ -340,7 +340,6 @@ fn number(b: &mut Builder, measure: &Measure, value: &str, target: &str) -> Resu
 /// The number at a place of a value, in row-major order.
 fn element(b: &mut Builder, value: &str, place: usize) -> Result<String> {
     let flat = b.reshape(value, &[count_of(b, value)?])?;
-    // tract 0.23.9 cannot prepare a product of which a slice is taken and then made a scalar.
     let place =
         b.constant(&Tensor { element: Element::INT64, shape: Vec::new(), values: vec![place as f64] })?;
     b.node("Gather", &[&flat, &place], vec![int("axis", 0)])

@@ -40,6 +40,14 @@ impl Buffer {
         }
     }
 
+    /// The number of elements.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Single(values) => values.len(),
+            Self::Double(values) => values.len(),
+        }
+    }
+
     /// Makes room for exactly this many elements.
     pub fn resize(&mut self, count: usize) {
         match self {

@@ -2,6 +2,8 @@
 //!
 //! A transposed convolution is as many convolutions as its strides have phases: the outputs of a phase are sums over the same taps.
 
+use std::collections::BTreeMap;
+
 use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, single};
@@ -68,9 +70,15 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(input: &[usize], before: &[usize], lengths: Vec<usize>, phases: usize) -> Self {
+    fn new(input: &[usize], before: &[usize], lengths: Vec<usize>, phases: usize) -> Result<Self> {
+        // A row of each phase may have one element more than its share.
+        let mut rows = lengths.clone();
+        if let Some(last) = rows.last_mut() {
+            *last = last.saturating_add(phases);
+        }
+        elements(&rows)?;
         let is_copied = phases > 1 || lengths != input;
-        Self { before: before.to_vec(), lengths, phases, is_copied }
+        Ok(Self { before: before.to_vec(), lengths, phases, is_copied })
     }
 
     /// The length of a row of one phase.
@@ -140,7 +148,7 @@ impl Convolution {
         let phases = if by_rows { window.strides[last] } else { 1 };
         let lengths =
             (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
-        let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases);
+        let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases)?;
         let mut to = 0;
         let mut places = Vec::new();
         let mut rows = Vec::new();
@@ -184,30 +192,27 @@ impl Convolution {
             let farthest = window.input[axis].checked_sub(1).map_or(0, |last| quotient(axis, last) + 1);
             before[axis] + farthest.max(window.output[axis])
         });
-        let layout = Layout::new(&window.output, &before, lengths.collect(), 1);
-        let mut places: Vec<Vec<Place>> = vec![Vec::new(); elements(&window.strides)?];
+        let layout = Layout::new(&window.output, &before, lengths.collect(), 1)?;
+        // Only phases that have outputs, of which there may be fewer than the strides say.
+        let mut phases: BTreeMap<Vec<usize>, Vec<Place>> = BTreeMap::new();
         let mut to = 0;
         for_each_position(&window.input, |place| {
-            let phase = (0..axes).fold(0, |phase, axis| {
-                phase * window.strides[axis] + (place[axis] + window.before[axis]) % window.strides[axis]
-            });
+            let phase = |axis: usize| (place[axis] + window.before[axis]) % window.strides[axis];
             let from = layout.at((0..axes).map(|axis| quotient(axis, place[axis])));
-            places[phase].push(Place { from: from as u32, to });
+            phases.entry((0..axes).map(phase).collect()).or_default().push(Place { from: from as u32, to });
             to += 1;
         });
-        let mut places = places.into_iter();
-        let mut parts = Vec::new();
-        for_each_position(&window.strides, |phase| {
+        let parts = phases.into_iter().map(|(phase, places)| {
             // Offsets are counted from the farthest element, so that none is negative.
             let tap = |axis: usize, at: usize| {
                 let reach = at * window.dilations[axis];
                 let distance = reach.checked_sub(phase[axis])?;
                 (distance % window.strides[axis] == 0).then(|| before[axis] - distance / window.strides[axis])
             };
-            let places = by_rows(places.next().unwrap_or_default(), filters, window.strides[axes - 1]);
-            parts.push(Part::new(&layout, depth, &window.kernel, places, tap));
+            let places = by_rows(places, filters, window.strides[axes - 1]);
+            Part::new(&layout, depth, &window.kernel, places, tap)
         });
-        let parts = parts.into_iter().collect::<Result<_>>()?;
+        let parts = parts.collect::<Result<_>>()?;
         let plane = window.input.iter().product();
         Self::of(
             Shape { batch: image[0], group, depth, filters, plane, transposed: true },
@@ -365,10 +370,9 @@ impl Operation for Convolution {
         }
         let result = outputs[0].single_mut()?;
         let (channel, plane) = (self.input.iter().product::<usize>(), self.plane);
-        let images = image.chunks_exact((self.depth * channel).max(1));
-        for ((number, image), into) in
-            images.enumerate().zip(result.chunks_exact_mut((self.filters * plane).max(1)))
-        {
+        for number in 0..self.batch * self.group {
+            let image = &image[number * self.depth * channel..][..self.depth * channel];
+            let into = &mut result[number * self.filters * plane..][..self.filters * plane];
             let group = number % self.group;
             let input = match self.layout.is_copied {
                 true => {
@@ -393,7 +397,6 @@ impl Operation for Convolution {
                 }
             }
         }
-        debug_assert_eq!(image.len(), self.batch * self.group * self.depth * channel);
         Ok(())
     }
 }

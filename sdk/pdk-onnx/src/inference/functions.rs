@@ -1,4 +1,4 @@
-//! Functions that need an exponential, in 64-bit floats, many elements at a time, and rounded to 32 bits.
+//! Functions of each element that are computed in 64-bit floats, many elements at a time, and rounded to 32 bits: most need an exponential.
 //!
 //! They consist of additions, multiplications and divisions in one order, none of them fused, so that every processor gives the same bits.
 //! The functions of `libm` are as exact, and several times slower.
@@ -7,11 +7,13 @@ use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Operation, single};
 use super::lanes::{Lanes, Work, dispatch};
+use crate::operators::softmax;
+use crate::order::greater;
 use crate::site::Site;
 
 /// A function of each element.
 #[derive(Clone, Copy)]
-pub enum Exponential {
+pub enum Smooth {
     /// `e^x`.
     Exp,
     /// `1 / (1 + e^-x)`.
@@ -20,9 +22,13 @@ pub enum Exponential {
     Tanh,
     /// `x`, and `alpha (e^x - 1)` below 0.
     Elu(f64),
+    /// `alpha x + beta`, from 0 to 1.
+    HardSigmoid(f64, f64),
+    /// `x` times `x / 6 + 1 / 2` from 0 to 1.
+    HardSwish,
 }
 
-impl Exponential {
+impl Smooth {
     /// The function of a node; nothing if it is another.
     pub fn new(site: &Site<'_>) -> Option<Self> {
         match site.node.op_type.as_str() {
@@ -30,12 +36,14 @@ impl Exponential {
             "Sigmoid" => Some(Self::Sigmoid),
             "Tanh" => Some(Self::Tanh),
             "Elu" => Some(Self::Elu(site.float("alpha", 1.0))),
+            "HardSigmoid" => Some(Self::HardSigmoid(site.float("alpha", 0.2), site.float("beta", 0.5))),
+            "HardSwish" => Some(Self::HardSwish),
             _ => None,
         }
     }
 }
 
-impl Operation for Exponential {
+impl Operation for Smooth {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         dispatch(Each { function: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
         Ok(())
@@ -43,7 +51,7 @@ impl Operation for Exponential {
 }
 
 struct Each<'a> {
-    function: Exponential,
+    function: Smooth,
     input: &'a [f32],
     into: &'a mut [f32],
 }
@@ -59,12 +67,21 @@ impl Work for Each<'_> {
     #[inline(always)]
     fn with<L: Lanes>(self) {
         match self.function {
-            Exponential::Exp => self.all(exp),
-            Exponential::Sigmoid => self.all(|x| 1.0 / (1.0 + exp(-x))),
-            Exponential::Tanh => self.all(tanh),
-            Exponential::Elu(alpha) => self.all(|x| if x < 0.0 { alpha * exp_less_one(x) } else { x }),
+            Smooth::Exp => self.all(exp),
+            Smooth::Sigmoid => self.all(|x| 1.0 / (1.0 + exp(-x))),
+            Smooth::Tanh => self.all(tanh),
+            Smooth::Elu(alpha) => self.all(|x| if x < 0.0 { alpha * exp_less_one(x) } else { x }),
+            Smooth::HardSigmoid(alpha, beta) => self.all(|x| share(alpha * x + beta)),
+            Smooth::HardSwish => self.all(|x| x * share(x / 6.0 + 0.5)),
         }
     }
+}
+
+/// A number from 0 to 1.
+#[inline(always)]
+fn share(x: f64) -> f64 {
+    let x = if x < 0.0 { 0.0 } else { x };
+    if x > 1.0 { 1.0 } else { x }
 }
 
 /// `e^x`, with a relative error below 2^-45 for what is within the range of 32-bit floats.
@@ -119,6 +136,46 @@ fn exp_less_one(x: f64) -> f64 {
 fn tanh(x: f64) -> f64 {
     let twice = exp_less_one(2.0 * x.abs());
     (twice / (twice + 2.0)).copysign(x)
+}
+
+/// `Softmax`.
+pub struct Softmax {
+    /// The elements that sum to one, and how far they are apart.
+    length: usize,
+    apart: usize,
+    powers: Vec<f64>,
+}
+
+impl Softmax {
+    /// The node's.
+    ///
+    /// # Errors
+    /// If it contradicts itself.
+    pub fn new(site: &Site<'_>) -> Result<Self> {
+        let (length, apart) = softmax::group(site)?;
+        Ok(Self { length, apart, powers: vec![0.0; length] })
+    }
+}
+
+impl Operation for Softmax {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
+        let (block, apart) = (self.length * self.apart, self.apart);
+        for (input, into) in input.chunks_exact(block.max(1)).zip(into.chunks_exact_mut(block.max(1))) {
+            for first in 0..apart {
+                let values = || input[first..].iter().step_by(apart).map(|value| f64::from(*value));
+                let greatest = values().fold(f64::NEG_INFINITY, greater);
+                self.powers
+                    .iter_mut()
+                    .zip(values())
+                    .for_each(|(power, value)| *power = exp(value - greatest));
+                let sum: f64 = self.powers.iter().sum();
+                let shares = self.powers.iter().map(|power| (power / sum) as f32);
+                into[first..].iter_mut().step_by(apart).zip(shares).for_each(|(into, share)| *into = share);
+            }
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]

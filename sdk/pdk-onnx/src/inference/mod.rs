@@ -2,8 +2,9 @@
 //!
 //! [`Program::new`] decides for each node how it is computed, once. Convolutions and products of matrices, which are nearly all of the
 //! work, become sums of products over lists of offsets ([`product`], [`planar`]), whose order is fixed and whose multiply-add rounds once
-//! ([`lanes`]). What only moves elements becomes a list of moves. Everything else is an operation that is exact up to one rounding, or is computed by the
-//! operator's own rule in 64-bit floats ([`plain`]). None of that depends on the processor, the number of threads or the system's mathematical library.
+//! ([`lanes`]). What only moves elements becomes a list of moves. Everything else is
+//! exact up to one rounding, or is computed in 64-bit floats and rounded to its type: frequent operators by code of their own, the others by their
+//! rules ([`plain`]). None of that depends on the processor, the number of threads or the system's mathematical library.
 
 mod buffer;
 mod convolution;
@@ -102,12 +103,17 @@ impl Program {
         for (operand, into) in self.outputs.iter().zip(outputs) {
             into.clear();
             match operand.of(&self.buffers, &self.constants) {
-                Buffer::Single(values) => into.extend_from_slice(values),
-                Buffer::Double(values) => into.extend(values.iter().map(|&value| value as f32)),
+                Buffer::Single(values) => into.extend(values.iter().copied().map(plain_nan)),
+                Buffer::Double(values) => into.extend(values.iter().map(|&value| plain_nan(value as f32))),
             }
         }
         Ok(())
     }
+}
+
+/// The same number; of what is not a number, always the same bits, which otherwise depend on the processor.
+fn plain_nan(value: f32) -> f32 {
+    if value.is_nan() { f32::NAN } else { value }
 }
 
 impl Operand {

@@ -3,7 +3,7 @@
 //! The operator's own rule finds that out. It computes twice, from numbers in place of the elements: what moves with the numbers is an
 //! element, the rest is constant.
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Constants, Operation};
 use crate::operators::Operator;
@@ -93,6 +93,12 @@ impl Movement {
             (operator.shapes.evaluate)(site, &inputs)
         };
         let (first, second) = (tried(1)?, tried(1 + total)?);
+        for (place, name) in site.node.output.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
+            let count = elements(&site.values.fact(name)?.shape)?;
+            if first.get(place).is_none_or(|tensor| tensor.values.len() != count) {
+                return Err(Error::new(format!("its output {} is not computed here", place + 1)));
+            }
+        }
         let outputs = first.iter().zip(&second).map(|(first, second)| {
             let mut pieces: Vec<Piece> = Vec::new();
             for (&a, &b) in first.values.iter().zip(&second.values) {

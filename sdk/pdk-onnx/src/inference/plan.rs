@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use super::buffer::{Buffer, Constants, Operation, is_single};
 use super::convolution::Convolution;
 use super::elementwise::{Binary, Unary};
-use super::functions::Exponential;
+use super::functions::{Smooth, Softmax};
 use super::matrix::Product;
 use super::movement::{Movement, moved};
 use super::normalization::Normalization;
@@ -19,10 +19,14 @@ use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
 use crate::site::Site;
-use crate::tensor::{Element, Tensor, shape_text};
+use crate::tensor::{Element, Tensor, elements, shape_text};
+use crate::values::Fact;
 
 /// The most elements of a value: far above those of any driver, and a small file can describe values of any size.
 const LARGEST: usize = 1 << 26;
+
+/// The most elements of all values that are kept at a time.
+const MOST: usize = 1 << 28;
 
 /// Prepares the outputs of a graph.
 ///
@@ -62,7 +66,7 @@ pub fn program(graph: Graph) -> Result<Program> {
         steps.extend(step);
     }
     let results = outputs.iter().map(|name| plan.operand(name)).collect::<Result<Vec<_>>>()?;
-    Ok(plan.allocate(steps, &inputs, results))
+    plan.allocate(steps, &inputs, results)
 }
 
 struct Plan<'a> {
@@ -87,15 +91,7 @@ impl<'a> Plan<'a> {
             "" => (Element::FLOAT, 0),
             name => {
                 let fact = self.graph.fact(name)?;
-                let count = fact.shape.iter().product();
-                if count > LARGEST {
-                    return Err(Error::new(format!(
-                        "it makes a tensor of the shape {}, and one may have {} million elements",
-                        shape_text(&fact.shape),
-                        LARGEST >> 20
-                    )));
-                }
-                (fact.element, count)
+                (fact.element, count_of(fact)?)
             }
         };
         let number = self.values_known.len();
@@ -140,9 +136,7 @@ impl<'a> Plan<'a> {
                 false => self.constant(name),
             });
         let constants = constants.collect::<Result<Vec<_>>>()?;
-        for name in node.output.iter().filter(|name| !name.is_empty()) {
-            graph.fact(name)?;
-        }
+        check(graph, &site)?;
         let is_constant =
             node.input.iter().zip(&constants).all(|(name, known)| name.is_empty() || known.is_some());
         let outputs_known = node
@@ -178,7 +172,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Gives each value a buffer, which it leaves to others after its last use.
-    fn allocate(self, mut steps: Vec<Step>, inputs: &[usize], results: Vec<Operand>) -> Program {
+    fn allocate(self, mut steps: Vec<Step>, inputs: &[usize], results: Vec<Operand>) -> Result<Program> {
         let mut last_use = vec![0; self.values_known.len()];
         for (number, step) in steps.iter().enumerate() {
             for operand in step.inputs.iter().flatten() {
@@ -234,6 +228,14 @@ impl<'a> Plan<'a> {
             done.dedup();
             free.extend(done.iter().map(|value| places[*value]));
         }
+        let total = buffers.iter().fold(0usize, |total, (_, count)| total.saturating_add(*count));
+        if total > MOST {
+            return Err(Error::new(format!(
+                "its values have {} million elements at a time, and may have {}",
+                total >> 20,
+                MOST >> 20
+            )));
+        }
         let placed = |operand: &mut Operand| {
             if let Operand::Computed(value) = operand {
                 *value = places[*value];
@@ -251,14 +253,40 @@ impl<'a> Plan<'a> {
             true => Buffer::Single(Vec::with_capacity(count)),
             false => Buffer::Double(Vec::with_capacity(count)),
         };
-        Program {
+        Ok(Program {
             steps,
             inputs: inputs.iter().map(known).collect(),
             outputs,
             constants: self.buffers,
             buffers: buffers.into_iter().map(room).collect(),
-        }
+        })
     }
+}
+
+/// The number of elements of a value.
+fn count_of(fact: &Fact) -> Result<usize> {
+    match elements(&fact.shape)? {
+        count if count <= LARGEST => Ok(count),
+        _ => Err(Error::new(format!(
+            "it makes a tensor of the shape {}, and one may have {} million elements",
+            shape_text(&fact.shape),
+            LARGEST >> 20
+        ))),
+    }
+}
+
+/// Checks that a node computes what the graph knows of its outputs. Where a rule refuses a node, the graph takes what the file declares, which
+/// nothing here could rely on.
+fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
+    let facts = (operators::known(site.node)?.shapes.infer)(site)?;
+    for (place, name) in site.node.output.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
+        let known = graph.fact(name)?;
+        if facts.get(place) != Some(known) {
+            return Err(Error::new(format!("its output `{name}` is not as the file declares it")));
+        }
+        count_of(known)?;
+    }
+    Ok(())
 }
 
 /// How a node is computed.
@@ -303,6 +331,7 @@ fn operation(
             "MatMul" => return Ok(Box::new(Product::stacks(site, known(1))?)),
             "Gemm" => return Ok(Box::new(Product::and_sum(site, known(1), known(2))?)),
             "Resize" | "Upsample" => return Ok(Box::new(Resize::new(site)?)),
+            "Softmax" => return Ok(Box::new(Softmax::new(site)?)),
             "GlobalAveragePool" => return Ok(Box::new(Mean)),
             _ => {}
         }
@@ -317,8 +346,8 @@ fn operation(
         if let Some(unary) = Unary::new(site)? {
             return Ok(Box::new(unary));
         }
-        if let Some(exponential) = Exponential::new(site) {
-            return Ok(Box::new(exponential));
+        if let Some(smooth) = Smooth::new(site) {
+            return Ok(Box::new(smooth));
         }
     }
     let floats = computed.iter().all(|element| element.is_float());
@@ -332,5 +361,5 @@ fn operation(
             return Ok(Box::new(binary));
         }
     }
-    Ok(Box::new(Plain::new(graph.clone(), place, operator)))
+    Ok(Box::new(Plain::new(graph.clone(), place, operator, constants)))
 }

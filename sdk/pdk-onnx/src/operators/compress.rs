@@ -113,14 +113,14 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_computed_are_errors_that_name_the_remedy() {
+    fn values_that_are_computed_are_errors() {
         for operator in ["NonZero", "Compress"] {
             let result = computed(13, |s| {
                 s.input("x", &[2]);
                 s.node(operator, &["x", if operator == "Compress" { "x" } else { "" }], "y", &[]);
             });
             let error = result.unwrap_err().to_string();
-            assert!(error.contains("has to be a constant") && error.contains("onnxruntime"), "{error}");
+            assert!(error.contains("has to be a constant"), "{error}");
         }
     }
 }

@@ -36,8 +36,8 @@ pub fn deciding(site: &Site<'_>, place: usize) -> Result<Option<Arc<Tensor>>> {
     match site.values.constant(name)? {
         Some(tensor) => Ok(Some(tensor)),
         None => Err(Error::new(format!(
-            "the size of what it computes depends on values: its input `{name}` has to be a constant, but is computed; run \
-             this network with the engine onnxruntime"
+            "the size of what it computes depends on values: its input `{name}` has to be a constant, \
+             but is computed"
         ))),
     }
 }

@@ -16,6 +16,9 @@ use crate::window::{Window, lengths};
 
 pub const OPERATORS: &[Operator] = &[Operator::new("MaxPool", infer, evaluate, Rule::First(gradient))];
 
+/// The most pairs of an element of the kernel and a place of the window.
+const MOST_PAIRS: usize = 1 << 26;
+
 /// The window of a pool.
 pub fn window(site: &Site<'_>) -> Result<Window> {
     let image = site.shape(0)?;
@@ -23,7 +26,15 @@ pub fn window(site: &Site<'_>) -> Result<Window> {
         return Err(Error::new("its input has no spatial axes"));
     }
     let kernel = lengths(site, "kernel_shape", image.len() - 2, 0)?;
-    Window::over(site, &image[2..], &kernel)
+    let window = Window::over(site, &image[2..], &kernel)?;
+    let places: usize = window.output.iter().product();
+    if window.taps().saturating_mul(places) > MOST_PAIRS {
+        return Err(Error::new(format!(
+            "its window of {} elements at {places} places is too large here",
+            window.taps()
+        )));
+    }
+    Ok(window)
 }
 
 /// The shape of what a pool computes.
@@ -45,15 +56,25 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
     let least = fact.element.saturated(f64::NEG_INFINITY);
     let mut values = Tensor::filled(fact.element, &fact.shape, least)?;
     let (input, output): (usize, usize) = (window.input.iter().product(), window.output.iter().product());
-    for joined in window.pairs() {
-        for (plane, source) in values.values.chunks_mut(output.max(1)).zip(image.values.chunks(input.max(1)))
-        {
-            for &(to, from) in &joined {
-                plane[to] = greater(plane[to], source[from]);
+    let with_places = site.node.output.get(1).is_some_and(|name| !name.is_empty());
+    if with_places && site.int("storage_order", 0) != 0 {
+        return Err(Error::new("it counts the places of the greatest by columns, which is not known here"));
+    }
+    let mut places = Tensor::filled(Element::INT64, &fact.shape, 0.0)?;
+    let planes = values.values.chunks_mut(output.max(1)).zip(places.values.chunks_mut(output.max(1)));
+    let pairs = window.pairs();
+    for ((number, source), (plane, places)) in image.values.chunks(input.max(1)).enumerate().zip(planes) {
+        let mut seen = vec![false; plane.len()];
+        for &(to, from) in pairs.iter().flatten() {
+            let greatest = greater(plane[to], source[from]);
+            // The first of those that are equal.
+            if !std::mem::replace(&mut seen[to], true) || greatest > plane[to] {
+                places[to] = (number * input + from) as f64;
             }
+            plane[to] = greatest;
         }
     }
-    Ok(vec![values])
+    Ok(vec![values, places])
 }
 
 fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

@@ -52,7 +52,7 @@ mod scatter;
 mod selection;
 mod sequence;
 pub(crate) mod slice;
-mod softmax;
+pub(crate) mod softmax;
 mod steps;
 mod suppression;
 mod tile;

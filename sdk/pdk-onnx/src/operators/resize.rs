@@ -48,7 +48,7 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
             (None, Some(sizes)) => (sizes[place] as f64 / length, sizes[place] as f64),
             (None, None) => (1.0, length),
         };
-        if !(scale > 0.0 && (1.0..=1e9).contains(&size)) {
+        if !(length > 0.0 && scale > 0.0 && (1.0..=1e9).contains(&size)) {
             return Err(Error::new(format!("it resizes an axis of {length} to {size}")));
         }
         all[axis] = (scale, size as usize);
@@ -75,6 +75,9 @@ pub fn origin(site: &Site<'_>, at: usize, scale: f64, length: usize, size: usize
     }
 }
 
+/// The most elements of the matrix of an axis.
+const LARGEST: usize = 1 << 24;
+
 /// The matrix of an axis: a row for each element of the result.
 fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec<Vec<f64>>> {
     if site.int("antialias", 0) != 0 {
@@ -83,7 +86,9 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
     if site.text("keep_aspect_ratio_policy", "stretch") != "stretch" {
         return Err(Error::new("its `keep_aspect_ratio_policy` is not known here"));
     }
-    elements(&[size, length])?;
+    if elements(&[size, length])? > LARGEST {
+        return Err(Error::new(format!("it resizes an axis of {length} to {size}, which is too much here")));
+    }
     let old = site.node.op_type == "Upsample" || site.opset() < 11;
     let last = length as f64 - 1.0;
     let row = |at: usize| {

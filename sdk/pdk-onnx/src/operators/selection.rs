@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(
             result.unwrap_err().to_string(),
             "node `topk_0` (TopK): the size of what it computes depends on values: its input `count` has to be a constant, \
-             but is computed; run this network with the engine onnxruntime"
+             but is computed"
         );
     }
 }

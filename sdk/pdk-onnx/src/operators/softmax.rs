@@ -28,6 +28,13 @@ fn axes(site: &Site<'_>) -> Result<Vec<usize>> {
     }
 }
 
+/// The number of elements that sum to one, and how far they are apart.
+pub fn group(site: &Site<'_>) -> Result<(usize, usize)> {
+    let (axes, shape) = (axes(site)?, site.shape(0)?);
+    let length = axes.iter().map(|&axis| shape[axis]).product();
+    Ok((length, axes.last().map_or(1, |&last| shape[last + 1..].iter().product())))
+}
+
 fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>], finish: fn(f64) -> f64) -> Result<Vec<Tensor>> {
     each_group(site, inputs, |group| {
         let greatest = group.iter().copied().fold(f64::NEG_INFINITY, greater);
@@ -45,9 +52,7 @@ fn each_group(
     replace: impl Fn(&mut [f64]),
 ) -> Result<Vec<Tensor>> {
     let mut result = given(inputs, 0)?.clone();
-    let axes = axes(site)?;
-    let length: usize = axes.iter().map(|&axis| result.shape[axis]).product();
-    let inner: usize = result.shape[axes[axes.len() - 1] + 1..].iter().product();
+    let (length, inner) = group(site)?;
     let mut group = vec![0.0; length];
     for block in result.values.chunks_mut((length * inner).max(1)) {
         for column in 0..inner {

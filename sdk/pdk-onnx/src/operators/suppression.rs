@@ -130,13 +130,13 @@ mod tests {
     }
 
     #[test]
-    fn scores_that_are_computed_are_an_error_that_names_the_remedy() {
+    fn scores_that_are_computed_are_an_error() {
         let result = computed(11, |s| {
             s.input("scores", &[1, 1, 3]);
             let boxes = s.drawn(&[1, 3, 4], 0.0, 1.0);
             s.node("NonMaxSuppression", &[&boxes, "scores"], "y", &[]);
         });
         let error = result.unwrap_err().to_string();
-        assert!(error.contains("`scores` has to be a constant") && error.contains("onnxruntime"), "{error}");
+        assert!(error.contains("`scores` has to be a constant"), "{error}");
     }
 }

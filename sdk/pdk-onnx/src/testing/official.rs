@@ -235,7 +235,15 @@ fn the_official_node_tests_of_known_operators_pass() {
             Ok((_, Err(difference))) => wrong.push(format!("{name}: {difference}")),
             Ok((case, Ok(()))) => {
                 tally.passed += 1;
-                match programmed(&case) {
+                // A program has to know sizes and axes beforehand, even if the case computes from others.
+                let from_constants = |error: String| match error.contains("has to be a constant") {
+                    true => [1, 0]
+                        .into_iter()
+                        .find_map(|variable| programmed(&self::case(folder, variable).ok()?).ok())
+                        .ok_or(error),
+                    false => Err(error),
+                };
+                match programmed(&case).or_else(from_constants) {
                     Ok(ran) => tally.programmed += usize::from(ran),
                     Err(difference) => wrong.push(format!("{name}: {difference}")),
                 }
