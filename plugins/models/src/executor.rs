@@ -106,7 +106,7 @@ mod tests {
             assert!(said.contains(part), "{name}: {said}");
         }
         // A transposed convolution whose strides have far more phases than it has outputs, and a pool that says where its greatest are: both
-        // give one number, which is no control.
+        // give one number, but not a control.
         for name in ["many_phases", "pool_with_places"] {
             let said = tried(name).err().unwrap_or_default();
             assert!(!said.contains("it cannot"), "{name}: {said}");
