@@ -27,7 +27,8 @@ fn main() {
     let search = SearchPath::default();
     let registry = pdk_tests::registry(&search);
     let frame = FrameBuf::from_vec(pictures::road(320, 240, 1).into_raw(), 320, 240).unwrap();
-    let named: Vec<String> = std::env::args().skip(1).filter(|argument| argument.ends_with(".onnx")).collect();
+    let named: Vec<String> =
+        std::env::args().skip(1).filter(|argument| argument.ends_with(".onnx")).collect();
     let models = pdk_tests::repository().join("scripts/models");
     let files = match named.is_empty() {
         false => named,
@@ -69,7 +70,8 @@ fn main() {
                 (*engine, taken[taken.len() / 2])
             })
             .collect();
-        let texts: Vec<String> = medians.iter().map(|(engine, took)| format!("{engine} {took:.2} ms")).collect();
+        let texts: Vec<String> =
+            medians.iter().map(|(engine, took)| format!("{engine} {took:.2} ms")).collect();
         let ratio = match medians.as_slice() {
             [(_, pdk), (_, other)] => format!(", {:.2} times as long on pdk", pdk / other),
             _ => String::new(),
