@@ -1,7 +1,7 @@
 //! What a forward pass of a network takes on each engine, in milliseconds: the built-in networks, or the files that are named.
 //!
 //! ```sh
-//! cargo build --release && cargo bench --bench networks [-- FILE.onnx ...]
+//! cargo build --release && cargo bench --bench networks [-- /path/to/FILE.onnx ...]
 //! ```
 //!
 //! ONNX Runtime is measured if it is installed. Each number is the median over frames of 320x240, with the preparation of the frame for the
