@@ -20,7 +20,7 @@ use serde_json::{Map, Value, json};
 
 /// A turn takes about so long, and at least this many frames.
 const TURN: Duration = Duration::from_millis(700);
-const LEAST: usize = 2;
+const LEAST: u64 = 2;
 const TURNS: usize = 3;
 
 fn main() {
@@ -50,9 +50,10 @@ fn main() {
         for _ in 0..TURNS {
             for (_, predictor, taken) in &mut engines {
                 let began = Instant::now();
-                for number in 0.. {
+                for number in 0u64.. {
                     let start = Instant::now();
-                    predictor.predict(frame.as_ref(), &DriveContext::default()).unwrap();
+                    let cx = DriveContext { frame_index: number, time: 0.0, speed: 8.0 };
+                    predictor.predict(frame.as_ref(), &cx).unwrap();
                     // The first prepares memory.
                     if number > 0 {
                         taken.push(start.elapsed().as_secs_f64() * 1e3);
