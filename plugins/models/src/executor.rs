@@ -105,11 +105,9 @@ mod tests {
             let said = tried(name).unwrap_err();
             assert!(said.contains(part), "{name}: {said}");
         }
-        // A transposed convolution whose strides have far more phases than it has outputs, and a pool that says where its greatest are: both
-        // give one number, but not a control.
+        // A transposed convolution whose strides have far more phases than it has outputs, and a pool that says where its greatest are.
         for name in ["many_phases", "pool_with_places"] {
-            let said = tried(name).err().unwrap_or_default();
-            assert!(!said.contains("it cannot"), "{name}: {said}");
+            assert_eq!(tried(name), Ok(()), "{name}");
         }
     }
 

@@ -92,6 +92,11 @@ impl Buffer {
     }
 }
 
+/// The elements of a constant, for what is computed in 32 bits.
+pub fn singles(tensor: &Tensor) -> Vec<f32> {
+    tensor.values.iter().map(|&value| value as f32).collect()
+}
+
 /// The constants among the inputs of a node.
 pub type Constants = [Option<Arc<Tensor>>];
 

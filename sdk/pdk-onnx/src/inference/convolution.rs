@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use pdk_sdk::error::{Error, Result};
 
-use super::buffer::{Buffer, Operation, single};
+use super::buffer::{Buffer, Operation, single, singles};
 use super::lanes::LANES;
 use super::planar::{self, Row, Rows};
 use super::product::{self, Packed, Place};
@@ -142,26 +142,17 @@ impl Convolution {
         let (image, kernel) = (site.shape(0)?, site.shape(1)?);
         let (filters, depth) = (kernel[0] / group, kernel[1]);
         let last = window.kernel.len() - 1;
-        let width = window.output[last];
-        // Lanes are outputs where there are enough of them, else neighbouring places.
-        let by_rows = filters < LANES && width >= LANES;
-        let phases = if by_rows { window.strides[last] } else { 1 };
+        // So that the elements of neighbouring places are neighbours too, if those may become lanes.
+        let phases = if filters < LANES && window.output[last] >= LANES { window.strides[last] } else { 1 };
         let lengths =
             (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
         let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases)?;
-        let mut to = 0;
         let mut places = Vec::new();
-        let mut rows = Vec::new();
         for_each_position(&window.output, |place| {
-            let from = || layout.at(place.iter().zip(&window.strides).map(|(at, stride)| at * stride)) as u32;
-            match by_rows {
-                true if place[last] == 0 => rows.push(Row { from: from(), to }),
-                true => {}
-                false => places.push(Place { from: from(), to }),
-            }
-            to += 1;
+            let from = layout.at(place.iter().zip(&window.strides).map(|(at, stride)| at * stride));
+            places.push(Place { from: from as u32, to: places.len() as u32 });
         });
-        let places = if by_rows { Places::Rows(Rows { rows, width, step: 1 }) } else { Places::Each(places) };
+        let places = by_rows(places, filters, 1);
         let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
         let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
         let plane = window.output.iter().product();
@@ -235,7 +226,6 @@ impl Convolution {
         let Shape { batch, group, depth, filters, plane, transposed } = shape;
         let room = if layout.is_copied { elements(&[depth, layout.plane()])? } else { 0 };
         elements(&[filters, plane, 2])?;
-        let bias = bias.map(|bias| bias.values.iter().map(|&value| value as f32).collect());
         let mut convolution = Self {
             batch,
             group,
@@ -247,13 +237,12 @@ impl Convolution {
             parts,
             laid_out: vec![0.0; room],
             packed: weights.is_some(),
-            bias,
+            bias: bias.map(singles),
             transposed,
         };
         if let Some(weights) = weights {
-            let values: Vec<f32> = weights.values.iter().map(|&value| value as f32).collect();
             let bias = convolution.bias.take().unwrap_or_default();
-            convolution.pack(&values, &bias);
+            convolution.pack(&singles(weights), &bias);
         }
         Ok(convolution)
     }

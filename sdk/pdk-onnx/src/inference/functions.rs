@@ -1,4 +1,5 @@
-//! Functions of each element that are computed in 64-bit floats, many elements at a time, and rounded to 32 bits: most need an exponential.
+//! Functions of each element that are computed in 64-bit floats, many elements at a time, and rounded to 32 bits, most of which need an exponential;
+//! and `Softmax`.
 //!
 //! They consist of additions, multiplications and divisions in one order, none of them fused, so that every processor gives the same bits.
 //! The functions of `libm` are as exact, and several times slower.

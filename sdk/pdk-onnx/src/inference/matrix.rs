@@ -3,7 +3,7 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::buffer::{Buffer, Operation, single};
+use super::buffer::{Buffer, Operation, single, singles};
 use super::lanes::multiply_add;
 use super::product::{self, Packed, Place};
 use crate::operators::matmul;
@@ -96,8 +96,7 @@ impl Product {
                 && addend_factor == 1.0
                 && matches!(addend.shape[..], [n] | [1, n] if n == columns)
         });
-        let start: Vec<f32> =
-            by_column.iter().flat_map(|addend| addend.values.iter().map(|v| *v as f32)).collect();
+        let start = by_column.map(singles).unwrap_or_default();
         let later = site.optional(2).filter(|_| by_column.is_none());
         let addend = later.map(|_| -> Result<_> {
             let of = site.shape(2)?;
@@ -132,7 +131,7 @@ impl Product {
 
     fn with(mut self, right: Option<&Tensor>, start: &[f32]) -> Self {
         if let Some(right) = right {
-            let values: Vec<f32> = right.values.iter().map(|&value| value as f32).collect();
+            let values = singles(right);
             self.packed = self.starts.iter().map(|&first| self.pack(&values[first..], start)).collect();
         }
         self

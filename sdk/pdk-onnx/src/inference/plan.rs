@@ -59,11 +59,7 @@ pub fn program(graph: Graph) -> Result<Program> {
     }
     let mut steps = Vec::new();
     for (place, node) in graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]) {
-        let step = plan.step(place).map_err(|error| match error.to_string().starts_with("node `") {
-            true => error,
-            false => error.at(describe(node)),
-        })?;
-        steps.extend(step);
+        steps.extend(plan.step(place).map_err(|error| error.at(describe(node)))?);
     }
     let results = outputs.iter().map(|name| plan.operand(name)).collect::<Result<Vec<_>>>()?;
     plan.allocate(steps, &inputs, results)

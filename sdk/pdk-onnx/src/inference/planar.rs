@@ -62,12 +62,9 @@ impl Weights {
 /// # Panics
 /// If a row with a tap leaves the input, or an output the result.
 pub fn sum(input: &[f32], weights: &Weights, taps: &[u32], rows: &Rows, apart: usize, into: &mut [f32]) {
-    let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map_or(0, |value| value as usize);
-    let last = farthest(&mut rows.rows.iter().map(|row| row.from)) + farthest(&mut taps.iter().copied());
-    assert!(
-        rows.width >= LANES && (rows.rows.is_empty() || last + rows.width <= input.len()),
-        "a tap lies outside the input"
-    );
+    let last = rows.rows.iter().map(|row| row.from as usize).max().zip(taps.iter().max());
+    let inside = |(row, tap): (usize, &u32)| row + *tap as usize + rows.width <= input.len();
+    assert!(rows.width >= LANES && last.is_none_or(inside), "a tap lies outside the input");
     assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
     dispatch(Sums { input, weights, taps, rows, apart, into });
 }
@@ -111,10 +108,10 @@ impl Sums<'_> {
         let mut sums: [[L; VECTORS]; OUTPUTS] =
             array::from_fn(|output| [L::splat(self.weights.start[first + output]); VECTORS]);
         let weights = self.weights.weights[first * self.taps.len()..].chunks_exact(OUTPUTS);
-        // SAFETY: `sum` has seen that each row with each tap lies inside the input.
-        let place = unsafe { self.input.as_ptr().add(row.from as usize + at) };
+        // Without taps, nothing is read, and a row may lie outside.
+        let place = self.input.as_ptr().wrapping_add(row.from as usize + at);
         for (&tap, weights) in self.taps.iter().zip(weights) {
-            // SAFETY: as above.
+            // SAFETY: `sum` has seen that each row with each tap lies inside the input.
             let values: [L; VECTORS] =
                 array::from_fn(|vector| unsafe { L::load(place.add(tap as usize + vector * LANES)) });
             for (sums, &weight) in sums.iter_mut().zip(weights) {

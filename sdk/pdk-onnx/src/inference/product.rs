@@ -112,10 +112,9 @@ impl<'a> Sums<'a> {
         apart: usize,
         into: &'a mut [f32],
     ) -> Self {
-        let farthest = |values: &mut dyn Iterator<Item = u32>| values.max().map(|value| value as usize);
-        let last =
-            farthest(&mut places.iter().map(|place| place.from)).zip(farthest(&mut taps.iter().copied()));
-        assert!(last.is_none_or(|(place, tap)| place + tap < input.len()), "a tap lies outside the input");
+        let last = places.iter().map(|place| place.from as usize).max().zip(taps.iter().max());
+        let inside = |(place, tap): (usize, &u32)| place + (*tap as usize) < input.len();
+        assert!(last.is_none_or(inside), "a tap lies outside the input");
         assert_eq!(taps.len(), packed.taps, "there is a weight for each tap");
         Self { input, packed, taps, places, apart, into }
     }
