@@ -77,6 +77,8 @@ fn main() {
             [(_, pdk), (_, other)] => format!(", {:.2} times as long on pdk", pdk / other),
             _ => String::new(),
         };
-        println!("{name}: {}{ratio}", texts.join(", "));
+        if !texts.is_empty() {
+            println!("{name}: {}{ratio}", texts.join(", "));
+        }
     }
 }

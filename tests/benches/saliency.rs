@@ -76,6 +76,11 @@ fn main() {
             });
             println!("{network} on {engine}: a forward pass takes {forward:.2} ms at {WIDTH}x{HEIGHT}");
             for name in &methods {
+                let mut values = values.clone();
+                if name == "expected-gradients" {
+                    let pictures = pdk_tests::repository().join("docs/examples/recording/frames");
+                    values.insert("pictures".to_owned(), pictures.to_str().unwrap().into());
+                }
                 let (mut method, _) = registry.saliency(name, &values).unwrap();
                 let key = Key([1; 32]);
                 let [width, height] = method.map_size(WIDTH as usize, HEIGHT as usize).unwrap();
