@@ -5,7 +5,7 @@
 //! | [`loop_process`] | the process that calls components; `engine` keeps them |
 //! | [`protocol`] | what it and those who give it work say to each other, on [`lines`] |
 //! | [`drive`] | one scenario around the loop, on `motion`, `annotated`, `pace` and `pictures`; `fault` says whose an error is |
-//! | `judge` | says when a scenario is over and measures it |
+//! | [`judge`], [`way`] | says when a scenario is over and measures it; how far a vehicle has driven |
 //! | `evaluate` | frames of datasets; [`sequences`] says where a recording begins anew, [`recorded`] how what was recorded is written |
 //! | [`recorder`], [`recent`] | the trace, and the last frames of failures |
 //! | [`announced`] | what those who watch a drive learn of it besides its topics |
@@ -19,7 +19,7 @@ mod engine;
 mod environment;
 mod evaluate;
 mod fault;
-mod judge;
+pub mod judge;
 pub mod lines;
 pub mod loop_process;
 mod motion;
@@ -31,4 +31,4 @@ pub mod recorded;
 pub mod recorder;
 pub mod sequences;
 pub mod stages;
-mod way;
+pub mod way;

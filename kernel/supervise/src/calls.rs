@@ -115,6 +115,10 @@ functions! {
     Rewrite: "rewrite";
     /// How a driver's steering changes with a frame.
     Gradient: "steering_gradient";
+    /// What a simulator has to be put back with.
+    Save: "save";
+    /// A simulator that is put back to a frame.
+    Restore: "restore";
 }
 
 /// Both processes see this.

@@ -32,6 +32,16 @@ impl Delay {
         self.given.resize(self.steps + 1, Control { steering: 0.0, throttle: 0.0 });
     }
 
+    /// The controls that were given and have no effect yet, the oldest first; none if there is no delay.
+    pub fn waiting(&self) -> impl Iterator<Item = Control> {
+        self.given.iter().copied().filter(|_| self.steps > 0 || self.part > 0.0)
+    }
+
+    /// Has these controls on their way, as many as there are.
+    pub fn put(&mut self, waiting: impl Iterator<Item = Control>) {
+        self.given.iter_mut().zip(waiting).for_each(|(given, control)| *given = control);
+    }
+
     /// Takes the control of a step, and returns what has an effect in it: each with its share of the step, in order.
     pub fn effective(&mut self, control: Control) -> [(Control, f64); 2] {
         // Never longer than it was made: nothing is allocated.

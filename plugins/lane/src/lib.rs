@@ -30,6 +30,7 @@ mod render;
 mod road;
 mod roadside;
 mod room;
+mod saved;
 mod scene;
 mod section;
 mod sensor;

@@ -41,6 +41,17 @@ impl Vehicle {
         Self { rear, heading, speed, steering_angle: 0.0 }
     }
 
+    /// All that a vehicle is: the middle of the rear axle, heading, speed and angle of the front wheels.
+    pub fn numbers(&self) -> [f64; 5] {
+        let Self { rear: [x, z], heading, speed, steering_angle } = *self;
+        [x, z, heading, speed, steering_angle]
+    }
+
+    /// The vehicle of these numbers; a speed below zero counts as none.
+    pub fn of_numbers([x, z, heading, speed, steering_angle]: [f64; 5]) -> Self {
+        Self { rear: [x, z], heading, speed: speed.max(0.0), steering_angle }
+    }
+
     /// The point half-way between the axles.
     pub fn centre(&self) -> [f64; 2] {
         self.ahead(0.0)

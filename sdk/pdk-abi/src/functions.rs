@@ -248,6 +248,26 @@ pub struct SimulatorFunctions {
         length: usize,
         error: *const Sink,
     ) -> Status,
+    /// The numbers that, with the scenario and the number of a frame, decide all that follows: a JSON list of `{"name", "step"}`, empty if the
+    /// simulator cannot be put back.
+    pub saved_numbers:
+        unsafe extern "C" fn(object: *mut c_void, numbers: *const Sink, error: *const Sink) -> Status,
+    /// Writes those numbers as they are now.
+    pub save: unsafe extern "C" fn(
+        object: *mut c_void,
+        into: *mut f64,
+        length: usize,
+        error: *const Sink,
+    ) -> Status,
+    /// Puts the simulation to the frame with this number, counted from the start of the scenario, in which the numbers are these.
+    pub restore: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: u64,
+        saved: *const f64,
+        length: usize,
+        into: *mut State,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a driver.

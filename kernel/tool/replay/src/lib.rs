@@ -19,7 +19,7 @@
 //! | [`compare`] | two traces and two outcomes |
 //! | [`shrink`] | the simplest scenario that still fails like a recorded one |
 //! | [`why`] | the smallest parts of a drive that are proven to make it fail, and to be needed for that; `smallest` searches for them |
-//! | `drives` | drives that leave an outcome alone, for the two above |
+//! | [`drives`] | drives that leave an outcome alone, which the two above consist of |
 //! | [`clip`] | a video of one scenario, made from its new trace; [`pair`] one of two beside each other; `gauge` draws the quantities below the frames |
 //!
 //! The findings of a replay are data ([`compare::Compared`]); that a difference makes the command fail is for the command line
@@ -27,7 +27,7 @@
 
 pub mod clip;
 pub mod compare;
-mod drives;
+pub mod drives;
 mod gauge;
 pub mod pair;
 pub mod parts;

@@ -13,6 +13,7 @@ use crate::parked::Parked;
 use crate::render::{Pose, Renderer, World};
 use crate::road::{Layout, Road};
 use crate::roadside;
+use crate::saved::Saved;
 use crate::scene::Scene;
 use crate::section::{self, Markings};
 use crate::sensor::{self, Sensor};
@@ -63,8 +64,9 @@ struct Drive {
     scene: Scene,
     traffic: Traffic,
     parked: Parked,
-    /// What the camera's noise is drawn by.
+    /// What the camera's noise and the wind are drawn by.
     noise: Key,
+    wind: Key,
     gusts: Gusts,
     vehicle: Vehicle,
     located: Located,
@@ -262,7 +264,8 @@ impl Simulator for Lane {
         let Start { offset, heading } = self.start;
         let start = [middle[0] + offset * dz, middle[1] - offset * dx];
         let vehicle = Vehicle::at(start, libm::atan2(dx, dz) + heading, self.initial_speed);
-        let gusts = Gusts::new(self.gusts, &pdk_sdk::seed::key(seed, "lane gusts", 0));
+        let wind = pdk_sdk::seed::key(seed, "lane gusts", 0);
+        let gusts = Gusts::new(self.gusts, &wind);
         let located = road.path.locate(vehicle.centre(), 0, 1);
         let collided = traffic.collides(0.0, located.along, located.lateral);
         let (frames, farthest) = (0, 0.0);
@@ -272,6 +275,7 @@ impl Simulator for Lane {
             traffic,
             parked,
             noise,
+            wind,
             gusts,
             vehicle,
             located,
@@ -345,6 +349,26 @@ impl Simulator for Lane {
         Ok(drive.state(self.camera.rate))
     }
 
+    fn saved_numbers(&self) -> Vec<SavedNumber> {
+        Saved::numbers(&self.delay)
+    }
+
+    fn save(&mut self, into: &mut [f64]) -> Result<()> {
+        let drive = self.drive.as_ref().ok_or_else(not_started)?;
+        let Drive { vehicle, located, farthest, collided, .. } = *drive;
+        Saved { vehicle, along: located.along, farthest, collided }.write(&self.delay, into)
+    }
+
+    fn restore(&mut self, frame: u64, saved: &[f64]) -> Result<State> {
+        let drive = self.drive.as_mut().ok_or_else(not_started)?;
+        let Saved { vehicle, along, farthest, collided } = Saved::read(&mut self.delay, saved)?;
+        drive.located = drive.find(vehicle.centre(), along, SEARCH);
+        // Its times do not go back.
+        drive.gusts = Gusts::new(self.gusts, &drive.wind);
+        (drive.vehicle, drive.frames, drive.farthest, drive.collided) = (vehicle, frame, farthest, collided);
+        Ok(drive.state(self.camera.rate))
+    }
+
     fn waypoints(&self) -> Vec<[f64; 3]> {
         self.drive.as_ref().map(|drive| drive.road.waypoints.clone()).unwrap_or_default()
     }
@@ -361,12 +385,8 @@ impl Drive {
         let (centre, from, start) = before;
         let [dx, dz] = [0, 1].map(|axis| self.vehicle.centre()[axis] - centre[axis]);
         let travelled = (dx * dx + dz * dz).sqrt();
-        let path = &self.road.path;
         // In a bend the way along the middle can be longer than that of the vehicle.
-        let reach = SEARCH.max(2.0 * travelled);
-        let first = path.segment_at(from.along - reach);
-        let last = path.segment_at(from.along + reach) + 1;
-        self.located = path.locate(self.vehicle.centre(), first, last);
+        self.located = self.find(self.vehicle.centre(), from.along, SEARCH.max(2.0 * travelled));
         self.farthest = self.farthest.max(self.located.along);
 
         let duration = self.time(rate) - start;
@@ -380,6 +400,12 @@ impl Drive {
             self.traffic.collides(between(start, self.time(rate)), along, lateral)
                 || self.parked.touches(along, lateral)
         });
+    }
+
+    /// Where on the road a point is, no farther than `reach` metres from a place along it.
+    fn find(&self, point: Point, along: f64, reach: f64) -> Located {
+        let path = &self.road.path;
+        path.locate(point, path.segment_at(along - reach), path.segment_at(along + reach) + 1)
     }
 
     /// Where the camera is.

@@ -68,7 +68,7 @@ pub(crate) mod traits {
     pub use super::predictor::Output;
     pub use super::saliency::{HeatmapMut, MapContext};
     pub use super::search::{Candidate, Evaluated, Problem, Range, Space, Variable};
-    pub use super::simulator::{Annotations, Camera, Scenario, State};
+    pub use super::simulator::{Annotations, Camera, SavedNumber, Scenario, State};
 
     super::each_kind!(traits);
 }

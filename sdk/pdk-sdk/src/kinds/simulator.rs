@@ -9,6 +9,7 @@ use pdk_model::component::ComponentSpec;
 pub use pdk_model::scenario::Scenario;
 pub use pdk_model::state::State;
 use pdk_ops::{FrameBuf, FrameMut};
+use serde::{Deserialize, Serialize};
 
 use super::driver::Control;
 use crate::abi::convert::{self, Crosses};
@@ -27,6 +28,16 @@ pub struct Annotations {
     pub labels: bool,
     /// [`depth`](Simulator::depth).
     pub depth: bool,
+}
+
+/// A number of what a simulator saves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SavedNumber {
+    /// What it is, with its unit, such as `heading (rad)`.
+    pub name: String,
+    /// A small change of it that shows in what follows, by which differences are taken; 0 if it is not to be changed by itself, because it
+    /// follows from the others.
+    pub step: f64,
 }
 
 /// Renders what the ego vehicle's camera sees and moves the vehicle.
@@ -107,6 +118,39 @@ pub trait Simulator: Send {
         let _ = into;
         Err(no_depth())
     }
+
+    /// The numbers that, with the scenario and the number of a frame, decide all that follows, for a simulator that can be put back to a
+    /// frame: position, heading, speed, and whatever else it remembers of the drive. Empty by default: it cannot be put back. They do
+    /// not change while the instance lives.
+    fn saved_numbers(&self) -> Vec<SavedNumber> {
+        Vec::new()
+    }
+
+    /// Writes those numbers as they are now, in the same order.
+    ///
+    /// # Errors
+    /// If the simulator cannot be put back, or has no scenario yet.
+    fn save(&mut self, into: &mut [f64]) -> Result<()> {
+        let _ = into;
+        Err(cannot_be_put_back())
+    }
+
+    /// Puts the simulation to frame `frame` of the scenario, counted from its start, with these numbers, and returns the state there. With the numbers that
+    /// were saved at that frame, all that follows is as it was, bit for bit; with others, it is as if the vehicle had come there that way.
+    ///
+    /// # Errors
+    /// If the simulator cannot be put back, or not to such numbers.
+    fn restore(&mut self, frame: u64, saved: &[f64]) -> Result<State> {
+        let _ = (frame, saved);
+        Err(cannot_be_put_back())
+    }
+}
+
+/// The error of a simulator that cannot be put back.
+fn cannot_be_put_back() -> Error {
+    Error::new(
+        "it cannot be put back to an earlier frame; use a simulator that can, such as the embedded one",
+    )
 }
 
 /// The error of a simulator that does not know depths.
@@ -222,6 +266,17 @@ functions! { Simulator as SimulatorFunctions:
     fn depth(component, _, into: *mut f32, length: usize) {
         component.depth(convert::slice_mut(into, length))
     }
+    fn saved_numbers(component, _, numbers: *const Sink) {
+        put(numbers, &serde_json::to_string(&component.saved_numbers())?);
+        Ok(())
+    }
+    fn save(component, _, into: *mut f64, length: usize) {
+        component.save(convert::slice_mut(into, length))
+    }
+    fn restore(component, _, frame: u64, saved: *const f64, length: usize, into: *mut pdk_abi::State) {
+        store(component.restore(frame, convert::slice(saved, length))?.raw(), into);
+        Ok(())
+    }
 }
 
 /// An instance in a plugin.
@@ -229,6 +284,7 @@ pub(crate) struct Host {
     /// Behind a cell, because an instance is used by one at a time.
     object: RefCell<Object<SimulatorFunctionsRef>>,
     label_names: Vec<String>,
+    saved_numbers: Vec<SavedNumber>,
     camera: Camera,
     waypoints: Vec<[f64; 3]>,
 }
@@ -256,7 +312,16 @@ impl Host {
                 serde_json::from_str(&names)?
             }
         };
-        Ok(Self { object: RefCell::new(object), label_names, camera, waypoints: Vec::new() })
+        let saved_numbers = match functions.saved_numbers() {
+            None => Vec::new(),
+            Some(saved_numbers) => {
+                // SAFETY: as above.
+                let numbers = collect(|text, error| unsafe { saved_numbers(pointer, text, error) })?;
+                serde_json::from_str(&numbers)?
+            }
+        };
+        let waypoints = Vec::new();
+        Ok(Self { object: RefCell::new(object), label_names, saved_numbers, camera, waypoints })
     }
 
     /// The instance and its functions, for one call.
@@ -356,6 +421,25 @@ impl Simulator for Host {
         // SAFETY: everything lives through the call.
         call(|error| unsafe { depth(pointer, into.as_mut_ptr(), into.len(), error) })
     }
+
+    fn saved_numbers(&self) -> Vec<SavedNumber> {
+        self.saved_numbers.clone()
+    }
+
+    fn save(&mut self, into: &mut [f64]) -> Result<()> {
+        let (pointer, functions) = self.object();
+        let save = functions.save().ok_or_else(cannot_be_put_back)?;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { save(pointer, into.as_mut_ptr(), into.len(), error) })
+    }
+
+    fn restore(&mut self, frame: u64, saved: &[f64]) -> Result<State> {
+        let restore = self.object().1.restore().ok_or_else(cannot_be_put_back)?;
+        // SAFETY: everything lives through the call.
+        self.state(|pointer, _, into, error| unsafe {
+            restore(pointer, frame, saved.as_ptr(), saved.len(), into, error)
+        })
+    }
 }
 
 /// Checks that a simulator renders, moves, returns after each step the state that the next frame has, and does the same again
@@ -390,6 +474,37 @@ pub fn check(description: &Description, config: &Config, make: Make<'_, dyn Simu
     ensure(first[4].1.time > first[0].1.time, || "its time does not advance".to_owned())?;
     ensure(first == second || !description.clock.is_stepped(), || {
         "the same scenario comes out differently the second time, which only a simulator with its own clock may do".to_owned()
+    })?;
+    check_restore(simulator.as_mut(), &scenario)
+}
+
+/// Checks that a simulator that can be put back to a frame goes on from there as it did.
+fn check_restore(simulator: &mut dyn Simulator, scenario: &Scenario) -> Result<()> {
+    const FRAMES: usize = 5;
+    let mut saved = vec![0.0; simulator.saved_numbers().len()];
+    if saved.is_empty() {
+        return Ok(());
+    }
+    let camera = simulator.camera();
+    let control = Control { steering: 0.1, throttle: 0.5 };
+    simulator.reset(scenario, 0)?;
+    let mut runs = [Vec::new(), Vec::new()];
+    for (again, run) in runs.iter_mut().enumerate() {
+        if again == 0 {
+            simulator.act(control)?;
+            simulator.save(&mut saved)?;
+        } else {
+            simulator.restore(1, &saved)?;
+        }
+        for _ in 0..FRAMES {
+            let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
+            let state = simulator.frame(frame.as_mut())?;
+            run.push((frame, state));
+            simulator.act(control)?;
+        }
+    }
+    ensure(runs[0] == runs[1], || {
+        "put back to a frame with the numbers that it saved there, it goes on differently; it has to save everything that it remembers".to_owned()
     })
 }
 

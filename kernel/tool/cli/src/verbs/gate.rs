@@ -163,7 +163,7 @@ fn film(
         let path = folder.join(format!("{id}.mp4"));
         let replay = Replay::open(record, &[id.to_string()])?;
         let driving = Driving { verb: "gate", record, pool: pool.clone(), limits: *limits, trust: false };
-        let session = recorded::session(global, &replay, driving)?;
+        let (session, _) = recorded::session(global, &replay, driving)?;
         let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames of a clip, {eta} left");
         replay.drive(session, Some(&Film { path: path.clone(), saliency: None }), &progress)?;
         *clip = Some(path);

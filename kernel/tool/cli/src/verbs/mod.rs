@@ -46,6 +46,7 @@ mod report;
 mod road;
 mod run;
 mod saliency;
+mod sensitivity;
 mod session;
 mod settings;
 mod show;
@@ -166,6 +167,8 @@ enum Verb {
     Shrink(shrink::Arguments),
     /// Find the smallest part of a failed drive that is proven to make it fail
     Why(why::Arguments),
+    /// Show how the largest error of a drive changes with the level at each frame
+    Sensitivity(sensitivity::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
     /// Decide whether a new driver is worse than an old one, with an error rate that holds whenever the gate stops
@@ -211,6 +214,7 @@ impl Verb {
             | Verb::Preview(_)
             | Verb::Calibrate(_)
             | Verb::Saliency(_)
+            | Verb::Sensitivity(_)
             | Verb::Attack(_)
             | Verb::Reference(_) => true,
             Verb::List(_) | Verb::Show(_) => true,
@@ -268,6 +272,7 @@ pub fn main() -> ExitCode {
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Why(arguments) => why::run(global, arguments),
+        Verb::Sensitivity(arguments) => sensitivity::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Merge(arguments) => merge::run(global, arguments),
         Verb::Tap(arguments) => tap::run(global, arguments),

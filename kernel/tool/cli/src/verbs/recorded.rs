@@ -27,11 +27,11 @@ pub struct Driving<'a> {
     pub trust: bool,
 }
 
-/// A session with all components that a record needs, also those that are only where the record has them from.
+/// A session with all components that a record needs, also those that are only where the record has them from; and where they are looked for.
 ///
 /// # Errors
 /// If the record names something that is not run without the user's word; the sentence lists all of it.
-pub fn session(global: &Global, replay: &Replay, driving: Driving<'_>) -> Result<Session> {
+pub fn session(global: &Global, replay: &Replay, driving: Driving<'_>) -> Result<(Session, SearchPath)> {
     let Driving { verb, record, pool, limits, trust } = driving;
     let start = |search| global.session(verb, pool.clone(), limits, search);
     let said = |asks: &[String]| {
@@ -48,14 +48,14 @@ pub fn session(global: &Global, replay: &Replay, driving: Driving<'_>) -> Result
         drop(session);
         search.plugins.extend(further.places.plugins);
         search.drop_ins.extend(further.places.drop_ins);
-        session = start(search)?;
+        session = start(search.clone())?;
     }
     let remedy = if asks.is_empty() { "" } else { ", or name the folder of what you know with --plugins" };
     let programs = replay.programs(session.catalog());
     said(&programs);
     asks.extend(programs);
     if trust || asks.is_empty() {
-        return Ok(session);
+        return Ok((session, search));
     }
     Err(Error::of(
         ErrorKind::Configuration,

@@ -62,7 +62,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         limits: arguments.workers.limits()?,
         trust: *trust,
     };
-    let mut session = recorded::session(global, &replay, driving)?;
+    let (mut session, _) = recorded::session(global, &replay, driving)?;
     let changes = replay.changes(&mut session)?;
     for change in &changes {
         eprintln!(

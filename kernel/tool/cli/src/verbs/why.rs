@@ -48,7 +48,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
     let driving =
         Driving { verb: "why", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
-    let mut session = recorded::session(global, &replay, driving)?;
+    let (mut session, _) = recorded::session(global, &replay, driving)?;
     for change in replay.changes(&mut session)? {
         eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");
     }

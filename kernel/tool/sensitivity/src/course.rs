@@ -1,0 +1,79 @@
+//! The level of every frame, and courses beside it.
+
+use pdk_model::level::{FrameLevels, Level, MAX_INTENSITY};
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, Result};
+
+/// The levels of a perturbation at the frames of a drive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Course {
+    rate: f64,
+    levels: Vec<f64>,
+}
+
+impl Course {
+    /// The course of a perturbation over this many frames at this many frames a second.
+    ///
+    /// # Errors
+    /// If some frames are left as they are, which is not a level that could be changed a little.
+    pub fn of(applied: &AppliedPerturbation, frames: usize, rate: f64) -> Result<Self> {
+        let level = |frame: usize| {
+            applied.level.at(frame as f64 / rate).ok_or_else(|| {
+                Error::new(format!(
+                    "{} leaves frames as they are between its pulses, so it has no level there; give the pulse a `rest`",
+                    applied.name
+                ))
+            })
+        };
+        Ok(Self { rate, levels: (0..frames).map(level).collect::<Result<_>>()? })
+    }
+
+    /// The level of each frame.
+    pub fn levels(&self) -> &[f64] {
+        &self.levels
+    }
+
+    /// The course with this much more at each frame, between the lowest and the highest level.
+    pub fn shifted(&self, by: impl Fn(usize) -> f64) -> Self {
+        let shift = |(frame, level): (usize, &f64)| (level + by(frame)).clamp(0.0, MAX_INTENSITY);
+        Self { rate: self.rate, levels: self.levels.iter().enumerate().map(shift).collect() }
+    }
+
+    /// The course this share of the way to another one.
+    pub fn towards(&self, other: &Self, share: f64) -> Self {
+        self.shifted(|frame| share * (other.levels[frame] - self.levels[frame]))
+    }
+
+    /// The perturbation on this course.
+    pub fn apply(&self, applied: &AppliedPerturbation) -> AppliedPerturbation {
+        let frames = FrameLevels { rate: self.rate, levels: self.levels.clone() };
+        AppliedPerturbation { level: Level::Frames { frames }, ..applied.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_model::level::Pulse;
+
+    #[test]
+    fn courses_stay_within_the_levels() {
+        let course = Course::of(&AppliedPerturbation::new("x", 3.5), 3, 20.0).unwrap();
+        assert_eq!(course.shifted(|frame| frame as f64).levels(), [3.5, 4.0, 4.0]);
+        assert_eq!(course.shifted(|_| -9.0).levels(), [0.0; 3]);
+        let other = course.shifted(|frame| -(frame as f64));
+        assert_eq!(course.towards(&other, 0.5).levels(), [3.5, 3.0, 2.5]);
+        let applied = course.apply(&AppliedPerturbation::new("x", 1.0));
+        assert_eq!([0.0, 0.1, 9.0].map(|time| applied.level.at(time)), [Some(3.5); 3]);
+    }
+
+    #[test]
+    fn a_pulse_without_rest_has_no_level_in_between() {
+        let pulse = Pulse { level: 2.0, rest: None, period: 1.0, duration: 0.5, start: 0.0 };
+        let mut applied = AppliedPerturbation::new("fog", 1.0);
+        applied.level = Level::Pulse { pulse: pulse.clone() };
+        assert!(Course::of(&applied, 30, 20.0).unwrap_err().to_string().contains("`rest`"));
+        applied.level = Level::Pulse { pulse: Pulse { rest: Some(0.5), ..pulse } };
+        assert_eq!(Course::of(&applied, 20, 20.0).unwrap().levels()[9..11], [2.0, 0.5]);
+    }
+}

@@ -1,0 +1,255 @@
+//! The way back through a drive, from the frame of the largest error to the start.
+
+use pdk_chain::chain::Chain;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Control, State};
+
+use crate::course::Course;
+use crate::regions::{Picture, Regions};
+use crate::rehearsal::{Decision, Driven, Place, Rehearsal};
+
+/// By how much levels are changed to see what follows.
+pub const STEP_OF_LEVEL: f64 = 0.1;
+/// By how much controls are changed.
+const STEP_OF_CONTROL: f64 = 1e-4;
+/// The part of a number's step by which the next state is differentiated, which is computed with 64 bits; a camera's frame needs all of the step.
+const PART_FOR_MOTION: f64 = 1e-3;
+
+/// How the largest cross-track error of a drive changes.
+#[derive(Debug, Clone)]
+pub struct Sensitivity {
+    /// The frame of the largest error.
+    pub worst: usize,
+    /// That error in metres, without its sign.
+    pub error: f64,
+    /// Its side: 1 for the right, -1 for the left.
+    pub side: f64,
+    /// For each perturbation of the scenario, metres for one level at each frame before the worst.
+    pub influence: Vec<Vec<f64>>,
+    /// The same for where the vehicle starts: metres for one unit of each number that the simulator saves.
+    pub start: Vec<f64>,
+    /// The courses of the perturbations.
+    pub courses: Vec<Course>,
+    /// Where in the frames it comes from, for each perturbation; or why that is not known.
+    pub regions: Result<Vec<Regions>, String>,
+}
+
+/// The chains by which levels are differentiated.
+struct Variant {
+    /// The course a little lower and a little higher.
+    courses: [Course; 2],
+    chains: [Chain; 2],
+}
+
+impl Variant {
+    fn new(
+        rehearsal: &Rehearsal<'_>,
+        perturbations: &[AppliedPerturbation],
+        place: usize,
+        course: &Course,
+    ) -> Result<Self> {
+        let courses = [-STEP_OF_LEVEL, STEP_OF_LEVEL].map(|by| course.shifted(|_| by));
+        let chain = |course: &Course| {
+            let mut changed = perturbations.to_vec();
+            changed[place] = course.apply(&perturbations[place]);
+            rehearsal.chain(&changed)
+        };
+        let chains = [chain(&courses[0])?, chain(&courses[1])?];
+        Ok(Self { chains, courses })
+    }
+
+    /// How far the two levels of a frame are apart.
+    fn distance(&self, frame: usize) -> f64 {
+        let [low, high] = self.courses.each_ref().map(|course| course.levels()[frame]);
+        high - low
+    }
+}
+
+/// The courses of the perturbations of a scenario.
+///
+/// # Errors
+/// If one has frames without a level.
+pub fn courses(rehearsal: &Rehearsal<'_>) -> Result<Vec<Course>> {
+    let (frames, rate) = (rehearsal.frames(), rehearsal.camera().rate);
+    rehearsal.scenario().perturbations.iter().map(|applied| Course::of(applied, frames, rate)).collect()
+}
+
+/// Goes back through a drive with these courses.
+///
+/// # Errors
+/// If a component fails, or what happens at a frame does not follow from that frame alone.
+pub fn sweep(
+    rehearsal: &mut Rehearsal<'_>,
+    courses: &[Course],
+    driven: &Driven,
+    frame_done: &mut dyn FnMut(),
+) -> Result<Sensitivity> {
+    let applied = rehearsal.scenario().perturbations.iter();
+    let perturbations: Vec<_> = courses.iter().zip(applied).map(|(course, one)| course.apply(one)).collect();
+    let (worst, error) = driven.worst();
+    let mut chain = rehearsal.chain(&perturbations)?;
+    let mut variants = courses
+        .iter()
+        .enumerate()
+        .map(|(place, course)| Variant::new(rehearsal, &perturbations, place, course))
+        .collect::<Result<Vec<_>>>()?;
+    let mut influence = vec![vec![0.0; worst]; perturbations.len()];
+    let mut back = Back::of_error(rehearsal, &driven.places[worst])?;
+    let mut picture = Picture::new(rehearsal, courses.len(), worst);
+    for frame in (0..worst).rev() {
+        let (place, decision) = (&driven.places[frame], &driven.decisions[frame]);
+        rehearsal.restore(place.frame, &place.saved)?;
+        let state = rehearsal.render(place)?;
+        let again = rehearsal.decide_alone(&mut chain, place)?;
+        if again != *decision || state != place.state {
+            return Err(not_alone(rehearsal, frame, again.frame_hash == decision.frame_hash));
+        }
+        picture.differentiate(rehearsal, place)?;
+        let of_control = back.of_control(rehearsal, place, decision)?;
+        rehearsal.restore(place.frame, &place.saved)?;
+        rehearsal.render(place)?;
+        for (number, (variant, influence)) in variants.iter_mut().zip(&mut influence).enumerate() {
+            let distance = variant.distance(frame);
+            let [low, high] = &mut variant.chains;
+            let low = rehearsal.decide_alone(low, place)?.applied;
+            picture.keep(rehearsal);
+            let high = rehearsal.decide_alone(high, place)?.applied;
+            influence[frame] = of_control.of(low, high) / distance;
+            picture.add(rehearsal, number, frame, of_control.of_steering() / distance);
+        }
+        back.step(rehearsal, &mut chain, place, decision, of_control)?;
+        frame_done();
+    }
+    let side = driven.places[worst].state.cross_track_error.signum();
+    let (courses, regions) = (courses.to_vec(), picture.regions());
+    Ok(Sensitivity { worst, error, side, influence, start: back.0, courses, regions })
+}
+
+/// The error if what happens at a frame does not follow from that frame alone.
+fn not_alone(rehearsal: &Rehearsal<'_>, frame: usize, same_picture: bool) -> Error {
+    let who = match same_picture {
+        true => format!("the driver `{}` remembers earlier frames", rehearsal.scenario().driver.name),
+        false => "what is done to the frame depends on earlier ones".to_owned(),
+    };
+    Error::new(format!(
+        "frame {frame} comes out differently if it is looked at by itself: {who}; the derivative of a drive is for drives in which every frame counts \
+         for itself"
+    ))
+}
+
+/// How the error changes with each number of the control that is applied.
+#[derive(Debug, Clone, Copy)]
+struct OfControl([f64; 2]);
+
+impl OfControl {
+    /// How the error changes with the steering.
+    fn of_steering(self) -> f64 {
+        self.0[0]
+    }
+
+    /// How much more the error is with one control than with another.
+    fn of(self, low: Control, high: Control) -> f64 {
+        let (low, high) = (low.numbers(), high.numbers());
+        self.0.iter().zip(low).zip(high).map(|((by, low), high)| by * (high - low)).sum()
+    }
+}
+
+/// How the error changes with each number that the simulator saves, at some frame.
+struct Back(Vec<f64>);
+
+impl Back {
+    /// At the frame of the error itself.
+    fn of_error(rehearsal: &mut Rehearsal<'_>, place: &Place) -> Result<Self> {
+        let sign = place.state.cross_track_error.signum();
+        let mut back = vec![0.0; place.saved.len()];
+        for number in varied(rehearsal) {
+            let step = number.step * PART_FOR_MOTION;
+            let mut at = |by: f64| -> Result<State> {
+                rehearsal.restore(place.frame, &moved(&place.saved, number.place, by))
+            };
+            let (low, high) = (at(-step)?, at(step)?);
+            back[number.place] = sign * (high.cross_track_error - low.cross_track_error) / (2.0 * step);
+        }
+        Ok(Self(back))
+    }
+
+    /// What this comes to for numbers of the next frame that are so far apart.
+    fn of(&self, low: &[f64], high: &[f64]) -> f64 {
+        self.0.iter().zip(low).zip(high).map(|((by, low), high)| by * (high - low)).sum()
+    }
+
+    /// How the error changes with the control at the frame before.
+    fn of_control(
+        &self,
+        rehearsal: &mut Rehearsal<'_>,
+        place: &Place,
+        decision: &Decision,
+    ) -> Result<OfControl> {
+        let mut of_control = [0.0; 2];
+        for (number, of_control) in of_control.iter_mut().enumerate() {
+            let mut at = |by: f64| -> Result<Vec<f64>> {
+                let mut numbers = decision.applied.numbers();
+                numbers[number] += by;
+                rehearsal.restore(place.frame, &place.saved)?;
+                Ok(rehearsal.act(place, Control::from_numbers(numbers))?.saved)
+            };
+            let (low, high) = (at(-STEP_OF_CONTROL)?, at(STEP_OF_CONTROL)?);
+            *of_control = self.of(&low, &high) / (2.0 * STEP_OF_CONTROL);
+        }
+        Ok(OfControl(of_control))
+    }
+
+    /// Goes back by a frame, to `place`.
+    fn step(
+        &mut self,
+        rehearsal: &mut Rehearsal<'_>,
+        chain: &mut Chain,
+        place: &Place,
+        decision: &Decision,
+        of_control: OfControl,
+    ) -> Result<()> {
+        rehearsal.restore(place.frame, &place.saved)?;
+        rehearsal.render(place)?;
+        let raw = rehearsal.raw().clone();
+        let mut before = vec![0.0; self.0.len()];
+        for number in varied(rehearsal) {
+            let step = number.step * PART_FOR_MOTION;
+            let mut at = |by: f64| -> Result<Vec<f64>> {
+                rehearsal.restore(place.frame, &moved(&place.saved, number.place, by))?;
+                Ok(rehearsal.act(place, decision.applied)?.saved)
+            };
+            let (low, high) = (at(-step)?, at(step)?);
+            let by_motion = self.of(&low, &high) / (2.0 * step);
+            let mut at = |by: f64| -> Result<Option<Control>> {
+                rehearsal.restore(place.frame, &moved(&place.saved, number.place, by))?;
+                let near = place.in_state(rehearsal.render(place)?);
+                let same = *rehearsal.raw() == raw && near.state.speed == place.state.speed;
+                if same { Ok(None) } else { Ok(Some(rehearsal.decide_alone(chain, &near)?.applied)) }
+            };
+            let (low, high) = (at(-number.step)?, at(number.step)?);
+            let [low, high] = [low, high].map(|control| control.unwrap_or(decision.applied));
+            before[number.place] = by_motion + of_control.of(low, high) / (2.0 * number.step);
+        }
+        self.0 = before;
+        Ok(())
+    }
+}
+
+/// A number that the simulator saves and that is changed by itself.
+struct Varied {
+    place: usize,
+    step: f64,
+}
+
+fn varied(rehearsal: &Rehearsal<'_>) -> Vec<Varied> {
+    let varied = |(place, step): (usize, f64)| (step > 0.0).then_some(Varied { place, step });
+    rehearsal.numbers().iter().map(|number| number.step).enumerate().filter_map(varied).collect()
+}
+
+/// The numbers with one of them changed.
+fn moved(saved: &[f64], place: usize, by: f64) -> Vec<f64> {
+    let mut moved = saved.to_vec();
+    moved[place] += by;
+    moved
+}

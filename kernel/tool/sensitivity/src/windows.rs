@@ -1,0 +1,96 @@
+//! How far back a derivative holds: drives that begin at some frame of the recorded one, with levels a little lower and higher from there.
+
+use pdk_sdk::error::Result;
+
+use crate::rehearsal::{Driven, Place, Rehearsal};
+use crate::sweep::{STEP_OF_LEVEL, Sensitivity};
+
+/// How long the shortest window is, in seconds; each one is twice as long as the one before.
+const SHORTEST: f64 = 0.5;
+/// How far prediction and drive may be apart, as a share of the larger of both.
+pub const TOLERANCE: f64 = 0.2;
+/// What is less than this many metres for one level is nothing.
+pub const NOTHING: f64 = 1e-3;
+
+/// The levels of one perturbation changed from a frame on, up to the frame of the largest error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// The first frame.
+    pub from: usize,
+    /// How the error changes by the derivative, in metres for one level.
+    pub predicted: f64,
+    /// How it changes by drives with the levels a little lower and higher.
+    pub driven: f64,
+}
+
+impl Window {
+    /// Whether prediction and drives agree.
+    pub fn agrees(&self) -> bool {
+        let Self { predicted, driven, .. } = *self;
+        let largest = predicted.abs().max(driven.abs());
+        largest < NOTHING || (predicted - driven).abs() <= TOLERANCE * largest
+    }
+}
+
+/// The windows of a perturbation, the shortest first. The last one is the whole drive up to the largest error.
+///
+/// # Errors
+/// If a component fails.
+pub fn windows(
+    rehearsal: &mut Rehearsal<'_>,
+    driven: &Driven,
+    sensitivity: &Sensitivity,
+    perturbation: usize,
+    frame_done: &mut dyn FnMut(),
+) -> Result<Vec<Window>> {
+    let rate = rehearsal.camera().rate;
+    let worst = sensitivity.worst;
+    let mut windows: Vec<Window> = Vec::new();
+    let mut length = (SHORTEST * rate).round().max(1.0) as usize;
+    while windows.last().is_none_or(|last| last.from > 0) && worst > 0 {
+        let from = worst.saturating_sub(length);
+        let mut error = |by: f64| {
+            from_frame(rehearsal, &driven.places[from], (sensitivity, perturbation), by, frame_done)
+        };
+        let (low, high) = (error(-STEP_OF_LEVEL)?, error(STEP_OF_LEVEL)?);
+        // Levels that cannot go lower or higher are changed by less.
+        let course = &sensitivity.courses[perturbation];
+        let [lower, higher] = [-STEP_OF_LEVEL, STEP_OF_LEVEL].map(|by| course.shifted(|_| by));
+        let influence = &sensitivity.influence[perturbation];
+        let predicted: f64 = (from..worst)
+            .map(|frame| influence[frame] * (higher.levels()[frame] - lower.levels()[frame]))
+            .sum();
+        let unit = 2.0 * STEP_OF_LEVEL;
+        windows.push(Window { from, predicted: predicted / unit, driven: (high - low) / unit });
+        length *= 2;
+    }
+    Ok(windows)
+}
+
+/// How many frames before the largest error the derivative holds: those of the longest window that agrees, as all shorter ones do.
+pub fn reach(windows: &[Window], worst: usize) -> usize {
+    windows.iter().take_while(|window| window.agrees()).last().map_or(0, |window| worst - window.from)
+}
+
+/// The cross-track error at the worst frame, towards its side, of a drive that begins at a frame with the levels of a perturbation changed.
+fn from_frame(
+    rehearsal: &mut Rehearsal<'_>,
+    start: &Place,
+    (sensitivity, perturbation): (&Sensitivity, usize),
+    by: f64,
+    frame_done: &mut dyn FnMut(),
+) -> Result<f64> {
+    let mut perturbations = rehearsal.scenario().perturbations.clone();
+    let course = sensitivity.courses[perturbation].shifted(|_| by);
+    perturbations[perturbation] = course.apply(&perturbations[perturbation]);
+    let mut chain = rehearsal.chain(&perturbations)?;
+    rehearsal.restore(start.frame, &start.saved)?;
+    let mut place = start.clone();
+    for _ in start.frame..sensitivity.worst as u64 {
+        rehearsal.render(&place)?;
+        let decision = rehearsal.decide_alone(&mut chain, &place)?;
+        place = rehearsal.act(&place, decision.applied)?;
+        frame_done();
+    }
+    Ok(sensitivity.side * place.state.cross_track_error)
+}
