@@ -1,6 +1,6 @@
 //! The chain of perturbations that a frame goes through.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pdk_components::registry::Registry;
 use pdk_model::perturbation::AppliedPerturbation;
@@ -84,10 +84,8 @@ impl Chain {
     pub fn noticed(&self) -> Vec<String> {
         let selected = self.links.iter().filter_map(|link| link.selector()?.noticed());
         let followed = self.links.iter().filter_map(|link| link.attended()?.noticed());
-        let mut noticed: Vec<String> = selected.chain(followed).collect();
-        noticed.sort();
-        noticed.dedup();
-        noticed
+        let noticed: BTreeSet<String> = selected.chain(followed).collect();
+        noticed.into_iter().collect()
     }
 
     /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.

@@ -610,3 +610,56 @@ fn gusts_push_a_vehicle_off_its_lane_in_the_same_way_each_time() {
     assert_eq!(straight(5.0, 3), blown);
     assert_ne!(straight(5.0, 4), blown);
 }
+
+#[test]
+fn put_back_to_a_frame_it_goes_on_as_it_did() {
+    // Everything that a drive remembers: controls on their way, the wind, noise, traffic.
+    for parameters in [
+        json!({}),
+        json!({"conditions": "hard", "gusts": 12.0, "vehicle_ahead": 30.0, "control_delay": 0.12}),
+    ] {
+        let mut simulator = lane_with(parameters).unwrap();
+        let camera = simulator.camera();
+        let mut saved = vec![vec![0.0; simulator.saved_numbers().len()]; 60];
+        let step = |simulator: &mut Lane, at: u64| {
+            let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
+            let state = simulator.frame(frame.as_mut()).unwrap();
+            simulator.act(Control { steering: 0.2 * libm::sin(at as f64 / 4.0), throttle: 0.4 }).unwrap();
+            (frame, state)
+        };
+        simulator.reset(&scenario(json!({"angles": [0, 20, -20], "segment": 25}), 3), 0).unwrap();
+        let mut first = Vec::new();
+        for (at, saved) in (0..).zip(&mut saved) {
+            simulator.save(saved).unwrap();
+            first.push(step(&mut simulator, at));
+        }
+        // Forwards and backwards in time.
+        for from in [40, 10, 55, 0] {
+            let state = simulator.restore(from as u64, &saved[from]).unwrap();
+            assert_eq!(state, first[from].1);
+            for (at, expected) in first.iter().enumerate().skip(from).take(5) {
+                assert!(step(&mut simulator, at as u64) == *expected, "frame {at} after {from}");
+            }
+        }
+    }
+}
+
+#[test]
+fn put_back_to_other_numbers_it_is_there() {
+    let mut simulator = lane(64, 32);
+    let mut saved = vec![0.0; simulator.saved_numbers().len()];
+    assert!(simulator.save(&mut saved).unwrap_err().to_string().contains("call reset first"));
+    let state = simulator.reset(&scenario(Value::Null, 1), 0).unwrap();
+    simulator.save(&mut saved).unwrap();
+    let moved = |place: usize, by: f64| {
+        let mut moved = saved.clone();
+        moved[place] += by;
+        moved
+    };
+    let heading = simulator.restore(0, &moved(2, 0.1)).unwrap().heading;
+    assert!((heading - state.heading - 0.1).abs() < 1e-12);
+    // Slower than standing there is not.
+    assert_eq!(simulator.restore(0, &moved(3, -100.0)).unwrap().speed, 0.0);
+    assert!(simulator.restore(0, &moved(2, f64::NAN)).unwrap_err().to_string().contains("finite"));
+    assert!(simulator.restore(0, &saved[1..]).unwrap_err().to_string().contains("it saves 8"));
+}

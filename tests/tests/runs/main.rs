@@ -11,6 +11,7 @@ mod gate_recordings;
 mod pipelines;
 mod pool;
 mod search;
+mod sensitivity;
 mod session;
 mod shrink;
 mod why;

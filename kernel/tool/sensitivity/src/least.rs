@@ -255,3 +255,57 @@ fn nearest(original: &[Course], left_with: &[Course], influence: &[Vec<f64>]) ->
         .sum();
     stepped(original, influence, metres)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_model::perturbation::AppliedPerturbation;
+
+    fn courses(level: f64) -> Vec<Course> {
+        vec![Course::of(&AppliedPerturbation::new("x", level), 4, 20.0).unwrap()]
+    }
+
+    /// What a change comes to by the derivative.
+    fn gained(from: &[Course], to: &[Course], influence: &[f64]) -> f64 {
+        to[0]
+            .levels()
+            .iter()
+            .zip(from[0].levels())
+            .zip(influence)
+            .map(|((to, from), by)| (to - from) * by)
+            .sum()
+    }
+
+    #[test]
+    fn a_step_is_as_long_as_the_derivative_says_and_along_it() {
+        let (from, influence) = (courses(2.0), vec![vec![0.1, 0.0, -0.2, 0.0]]);
+        let to = stepped(&from, &influence, 0.1).unwrap();
+        assert!((gained(&from, &to, &influence[0]) - 0.1).abs() < 1e-9);
+        let by: Vec<f64> = to[0].levels().iter().map(|level| level - 2.0).collect();
+        assert!((by[2] + 2.0 * by[0]).abs() < 1e-9 && by[1] == 0.0 && by[3] == 0.0, "{by:?}");
+    }
+
+    #[test]
+    fn where_levels_are_at_their_ends_others_take_over() {
+        let from: Vec<Course> = vec![courses(2.0)[0].shifted(|frame| if frame == 0 { 1.9 } else { 0.0 })];
+        let influence = vec![vec![0.3, 0.1, 0.1, 0.0]];
+        let to = stepped(&from, &influence, 0.3).unwrap();
+        assert_eq!(to[0].levels()[0], 4.0);
+        assert!(gained(&from, &to, &influence[0]) > 0.99 * 0.3);
+        // And nothing is left once all of them are.
+        assert!(stepped(&courses(4.0), &influence, 0.3).is_none());
+        assert!(stepped(&courses(2.0), &[vec![0.0; 4]], 0.3).is_none());
+    }
+
+    #[test]
+    fn the_nearest_courses_come_to_the_same_and_are_no_farther() {
+        let (from, influence) = (courses(1.0), vec![vec![0.1, 0.2, 0.0, 0.0]]);
+        let detour = vec![from[0].shifted(|frame| [0.0, 0.5, 0.7, 0.2][frame])];
+        let nearest = nearest(&from, &detour, &influence).unwrap();
+        let away = |courses: &[Course]| -> f64 {
+            courses[0].levels().iter().map(|level| (level - 1.0) * (level - 1.0)).sum()
+        };
+        assert!((gained(&from, &nearest, &influence[0]) - 0.1).abs() < 1e-9);
+        assert!(away(&nearest) < away(&detour));
+    }
+}

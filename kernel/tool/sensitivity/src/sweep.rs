@@ -10,7 +10,7 @@ use crate::regions::{Picture, Regions};
 use crate::rehearsal::{Decision, Driven, Place, Rehearsal};
 
 /// By how much levels are changed to see what follows.
-pub const STEP_OF_LEVEL: f64 = 0.1;
+pub const STEP_OF_LEVEL: f64 = 0.25;
 /// By how much controls are changed.
 const STEP_OF_CONTROL: f64 = 1e-4;
 /// The part of a number's step by which the next state is differentiated, which is computed with 64 bits; a camera's frame needs all of the step.

@@ -94,3 +94,20 @@ fn from_frame(
     }
     Ok(sensitivity.side * place.state.cross_track_error)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_derivative_holds_as_far_back_as_all_shorter_windows_agree() {
+        let window = |from, predicted, driven| Window { from, predicted, driven };
+        let windows =
+            [window(90, 0.1, 0.11), window(80, 0.2, 0.19), window(60, 0.2, 0.1), window(20, 0.2, 0.2)];
+        assert_eq!(reach(&windows, 100), 20);
+        assert_eq!(reach(&windows[2..], 100), 0);
+        assert_eq!(reach(&[], 100), 0);
+        // Nothing agrees with nothing, and a change of the sign with nothing else.
+        assert!(window(0, 1e-5, -2e-4).agrees() && !window(0, 0.1, -0.1).agrees());
+    }
+}
