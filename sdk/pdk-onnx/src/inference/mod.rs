@@ -21,6 +21,8 @@ mod pooling;
 mod product;
 mod resize;
 #[cfg(test)]
+mod speed;
+#[cfg(test)]
 mod tests;
 
 use pdk_sdk::error::{Error, Result};
