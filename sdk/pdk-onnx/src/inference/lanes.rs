@@ -135,8 +135,27 @@ pub trait Work {
     fn with<L: Lanes>(self);
 }
 
+#[cfg(test)]
+thread_local! {
+    /// Whether this thread does work as processors without vector instructions do.
+    static IS_PORTABLE: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Computes something as processors without vector instructions do.
+#[cfg(test)]
+pub fn portably<T>(compute: impl FnOnce() -> T) -> T {
+    IS_PORTABLE.set(true);
+    let result = compute();
+    IS_PORTABLE.set(false);
+    result
+}
+
 /// Does work with the best lanes of this processor.
 pub fn dispatch(work: impl Work) {
+    #[cfg(test)]
+    if IS_PORTABLE.get() {
+        return work.with::<Portable>();
+    }
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
         // SAFETY: the processor has both.

@@ -83,6 +83,22 @@ impl Packed {
         }
         Self { blocks, taps }
     }
+
+    /// Puts other weights in: those of a matrix whose rows are taps and whose columns are outputs, with how far apart both are.
+    pub fn fill(&mut self, values: &[f32], [row, column]: [usize; 2]) {
+        for Block { first, count, vectors, weights, .. } in &mut self.blocks {
+            for (tap, into) in weights.chunks_exact_mut(*vectors * LANES).enumerate() {
+                let from = &values[tap * row + *first * column..];
+                match column {
+                    1 => into[..*count].copy_from_slice(&from[..*count]),
+                    _ => {
+                        let weights = from.iter().step_by(column);
+                        into[..*count].iter_mut().zip(weights).for_each(|(into, weight)| *into = *weight);
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Computes what belongs to each place. The outputs of a place lie `apart` from each other.
