@@ -85,6 +85,12 @@ const COMPARISONS: &[Comparison] = &[
     ("erf", 13, &[1003], |s| unary(s, "Erf")),
     ("gelu", 20, &[1003], |s| unary(s, "Gelu")),
     ("gelu by tanh", 20, &[1003], |s| s.node("Gelu", &["x"], "y", &[("approximate", Text("tanh"))])),
+    ("swish", 24, &[1003], |s| s.node("Swish", &["x"], "y", &[("alpha", Float(1.5))])),
+    ("selu", 13, &[1003], |s| unary(s, "Selu")),
+    ("celu", 13, &[1003], |s| s.node("Celu", &["x"], "y", &[("alpha", Float(1.5))])),
+    ("log", 13, &[1003], |s| unary(s, "Log")),
+    ("softplus", 13, &[1003], |s| unary(s, "Softplus")),
+    ("mish", 18, &[1003], |s| unary(s, "Mish")),
     ("softmax", 13, &[3, 45], |s| unary(s, "Softmax")),
     ("softmax of one", 13, &[45, 1], |s| unary(s, "Softmax")),
     ("softmax over channels", 13, &[2, 5, 33], |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
@@ -119,6 +125,10 @@ const COMPARISONS: &[Comparison] = &[
     ("power -1", 13, &[37], |s| number(s, "Pow", -1.0)),
     ("power -2", 13, &[37], |s| number(s, "Pow", -2.0)),
     ("power 1.7", 13, &[37], |s| number(s, "Pow", 1.7)),
+    ("power -2.3", 13, &[37], |s| number(s, "Pow", -2.3)),
+    ("power 65", 13, &[37], |s| number(s, "Pow", 65.0)),
+    ("power 0", 13, &[37], |s| number(s, "Pow", 0.0)),
+    ("power 1", 13, &[37], |s| number(s, "Pow", 1.0)),
     ("a whole power", 13, &[37], |s| {
         let two = s.ints(&[3]);
         s.node("Pow", &["x", &two], "y", &[]);
@@ -208,8 +218,9 @@ fn operators_compute_what_their_rules_say_with_and_without_vectors() {
             false => expected.abs() * f32::EPSILON + if name.starts_with("gelu") { 1e-14 } else { 0.0 },
         };
         for (at, (found, expected)) in found.iter().zip(&expected).enumerate() {
-            let same =
-                found.is_nan() && expected.is_nan() || (found - expected).abs() <= tolerance(*expected);
+            let same = found == expected
+                || found.is_nan() && expected.is_nan()
+                || (found - expected).abs() <= tolerance(*expected);
             assert!(same, "{name} is {expected:e} at {at}, not {found:e}");
         }
     }

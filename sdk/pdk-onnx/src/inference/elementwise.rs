@@ -170,6 +170,12 @@ impl Binary {
     }
 }
 
+/// 1 if something holds, else 0. Compilers use vectors for a choice, and not for a conversion.
+#[inline(always)]
+fn truth(holds: bool) -> f32 {
+    if holds { 1.0 } else { 0.0 }
+}
+
 impl Operation for Binary {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let (left, right, into) = (single(inputs, 0)?, single(inputs, 1)?, outputs[0].single_mut()?);
@@ -180,11 +186,11 @@ impl Operation for Binary {
             Pair::Div => self.apply(left, right, into, |a, b| a / b),
             Pair::Max => self.apply(left, right, into, |a, b| if b > a || b.is_nan() { b } else { a }),
             Pair::Min => self.apply(left, right, into, |a, b| if b < a || b.is_nan() { b } else { a }),
-            Pair::Greater => self.apply(left, right, into, |a, b| f32::from(a > b)),
-            Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| f32::from(a >= b)),
-            Pair::Less => self.apply(left, right, into, |a, b| f32::from(a < b)),
-            Pair::LessOrEqual => self.apply(left, right, into, |a, b| f32::from(a <= b)),
-            Pair::Equal => self.apply(left, right, into, |a, b| f32::from(a == b)),
+            Pair::Greater => self.apply(left, right, into, |a, b| truth(a > b)),
+            Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| truth(a >= b)),
+            Pair::Less => self.apply(left, right, into, |a, b| truth(a < b)),
+            Pair::LessOrEqual => self.apply(left, right, into, |a, b| truth(a <= b)),
+            Pair::Equal => self.apply(left, right, into, |a, b| truth(a == b)),
             Pair::Slope => self.apply(left, right, into, |x, slope| if x < 0.0 { slope * x } else { x }),
             // Not one operation, but no faster than by `libm`.
             Pair::Pow => {

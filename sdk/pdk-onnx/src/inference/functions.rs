@@ -8,7 +8,9 @@ use pdk_sdk::error::Result;
 use super::buffer::{Buffer, Operation, single};
 use super::error_function::{erf, normal_share};
 use super::lanes::{Lanes, Work, dispatch};
-use crate::operators::gelu;
+use super::logarithm::{log, mish, softplus};
+use crate::operators::{gelu, rectifiers};
+use crate::order::{greater, lesser};
 use crate::site::Site;
 
 /// A polynomial with these factors, that of the highest power first. Compilers use no vectors for a long loop over factors.
@@ -42,6 +44,18 @@ pub enum Smooth {
     Gelu,
     /// The same approximately, by a hyperbolic tangent.
     GeluByTanh,
+    /// `x / (1 + e^(-alpha x))`.
+    Swish(f64),
+    /// `gamma x`, and `gamma alpha (e^x - 1)` below 0.
+    Selu(f64, f64),
+    /// `x`, and `alpha (e^(x / alpha) - 1)` below 0.
+    Celu(f64),
+    /// The natural logarithm.
+    Log,
+    /// `log(1 + e^x)`.
+    Softplus,
+    /// `x tanh(log(1 + e^x))`.
+    Mish,
 }
 
 impl Smooth {
@@ -57,6 +71,15 @@ impl Smooth {
             "Erf" => Some(Self::Erf),
             "Gelu" if gelu::approximate(site) => Some(Self::GeluByTanh),
             "Gelu" => Some(Self::Gelu),
+            "Swish" => Some(Self::Swish(site.float("alpha", 1.0))),
+            "Selu" => {
+                let (alpha, gamma) = rectifiers::of_selu(site);
+                Some(Self::Selu(alpha, gamma))
+            }
+            "Celu" => rectifiers::alpha_of_celu(site).ok().map(Self::Celu),
+            "Log" => Some(Self::Log),
+            "Softplus" => Some(Self::Softplus),
+            "Mish" => Some(Self::Mish),
             _ => None,
         }
     }
@@ -98,6 +121,16 @@ impl Work for Each<'_> {
             Smooth::Erf => self.all(erf),
             Smooth::Gelu => self.all(gelu),
             Smooth::GeluByTanh => self.all(gelu_by_tanh),
+            Smooth::Swish(alpha) => self.all(|x| x * logistic(alpha * x)),
+            Smooth::Selu(alpha, gamma) => {
+                self.all(|x| gamma * if x > 0.0 { x } else { alpha * exp_less_one(x) });
+            }
+            Smooth::Celu(alpha) => {
+                self.all(|x| greater(0.0, x) + lesser(0.0, alpha * exp_less_one(x / alpha)));
+            }
+            Smooth::Log => self.all(log),
+            Smooth::Softplus => self.all(softplus),
+            Smooth::Mish => self.all(mish),
         }
     }
 }
@@ -184,14 +217,19 @@ fn gelu(x: f64) -> f64 {
     x * normal_share(x)
 }
 
+/// `1 / (1 + e^-x)`, and exactly 0 far below 0.
+#[inline(always)]
+fn logistic(x: f64) -> f64 {
+    let share = 1.0 / (1.0 + exp(-x));
+    if x < -150.0 { 0.0 } else { share }
+}
+
 /// `x (1 + tanh u) / 2` with `u = sqrt(2 / pi) (x + c x^3)`, which is `x / (1 + e^-2u)`.
 #[inline(always)]
 fn gelu_by_tanh(x: f64) -> f64 {
     // The square root of 8 / pi.
     const FACTOR: f64 = 1.595_769_121_605_730_7;
-    let twice = FACTOR * (x + gelu::CUBE * x * x * x);
-    let share = 1.0 / (1.0 + exp(-twice));
-    x * if twice < -150.0 { 0.0 } else { share }
+    x * logistic(FACTOR * (x + gelu::CUBE * x * x * x))
 }
 
 #[cfg(test)]
@@ -236,6 +274,12 @@ mod tests {
         compare("erf", erf, libm::erf);
         // Where 1 - erf has lost its digits, this has not.
         compare("gelu", gelu, |x| x * (0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)));
+        compare("log", log, libm::log);
+        compare("softplus", softplus, |x| libm::log1p(libm::exp(-x.abs())) + if x > 0.0 { x } else { 0.0 });
+        // Below -30, the sum with 1 keeps none of the exponential.
+        compare("mish", mish, |x| {
+            x * if x < -30.0 { libm::exp(x) } else { libm::tanh(libm::log1p(libm::exp(x))) }
+        });
         let factor = libm::sqrt(8.0 / std::f64::consts::PI);
         compare("gelu by tanh", gelu_by_tanh, |x| {
             x / (1.0 + libm::exp(-factor * (x + gelu::CUBE * x * x * x)))

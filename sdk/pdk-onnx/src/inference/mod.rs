@@ -17,6 +17,7 @@ mod error_function;
 mod extremes;
 mod functions;
 mod lanes;
+mod logarithm;
 mod matrix;
 mod movement;
 mod neighbours;

@@ -1,9 +1,11 @@
-//! `Pow` with an exponent that needs no logarithm.
+//! `Pow` with one exponent.
 
 use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Constants, Operation, single};
+use super::functions::exp;
 use super::lanes::{Lanes, Work, dispatch};
+use super::logarithm::log;
 use crate::site::Site;
 
 /// Powers with one exponent.
@@ -23,10 +25,12 @@ pub enum Power {
     InverseSquare,
     /// 4.
     Fourth,
+    /// Any other.
+    Other(f64),
 }
 
 impl Power {
-    /// The powers of a node with these inputs; nothing if it is another, or has another exponent.
+    /// The powers of a node with these inputs; nothing if it is another, or has several exponents.
     pub fn new(site: &Site<'_>, constants: &Constants) -> Option<Self> {
         let [_, Some(exponent)] = constants else { return None };
         let &[exponent] = exponent.values.as_slice() else { return None };
@@ -39,8 +43,8 @@ impl Power {
             (-2.0, Self::InverseSquare),
             (4.0, Self::Fourth),
         ];
-        let found = all.into_iter().find(|(of, _)| site.node.op_type == "Pow" && *of == exponent);
-        found.map(|(_, power)| power)
+        let found = all.into_iter().find(|(of, _)| *of == exponent).map(|(_, power)| power);
+        (site.node.op_type == "Pow").then(|| found.unwrap_or(Self::Other(exponent)))
     }
 }
 
@@ -69,6 +73,24 @@ impl Each<'_> {
     fn wide(self, f: impl Fn(f64) -> f64) {
         self.all(|x| f(f64::from(x)) as f32);
     }
+
+    /// By a logarithm. What has none, and exponents that multiply its error, are left to `libm`.
+    #[inline(always)]
+    fn other(self, exponent: f64) {
+        let is_small = exponent.abs() < 64.0;
+        let is_plain = |x: f32| is_small & (x > 0.0) & (x < f32::INFINITY);
+        let mut are_plain = true;
+        for (into, x) in self.into.iter_mut().zip(self.input) {
+            *into = exp(exponent * log(f64::from(*x))) as f32;
+            are_plain &= is_plain(*x);
+        }
+        if are_plain {
+            return;
+        }
+        for (into, x) in self.into.iter_mut().zip(self.input).filter(|(_, x)| !is_plain(**x)) {
+            *into = libm::pow(f64::from(*x), exponent) as f32;
+        }
+    }
 }
 
 impl Work for Each<'_> {
@@ -81,6 +103,7 @@ impl Work for Each<'_> {
             Power::Fourth => self.wide(|x| (x * x) * (x * x)),
             Power::InverseSquare => self.wide(|x| 1.0 / (x * x)),
             Power::Root => self.all(root),
+            Power::Other(exponent) => self.other(exponent),
             Power::InverseRoot => self.all(|x| (1.0 / f64::from(positive(x)).sqrt()) as f32),
         }
     }

@@ -178,6 +178,11 @@ const MEASURED: &[(&str, &[usize], Build)] = &[
         s.node("ArgMax", &["x"], "place", &[("axis", Int(1))]);
         s.node("Cast", &["place"], "y", &[("to", Int(1))]);
     }),
+    ("Greater than a number", HIDDEN, |s| {
+        let zero = number(s, "zero", 0.0);
+        s.node("Greater", &["x", &zero], "holds", &[]);
+        s.node("Cast", &["holds"], "y", &[("to", Int(1))]);
+    }),
     ("Where by a computed condition", HIDDEN, |s| {
         let zero = number(s, "zero", 0.0);
         s.node("Greater", &["x", &zero], "holds", &[]);
@@ -189,6 +194,7 @@ const MEASURED: &[(&str, &[usize], Build)] = &[
     }),
     ("GlobalMaxPool", IMAGE, |s| unary(s, "GlobalMaxPool")),
     ("Softplus", HIDDEN, |s| unary(s, "Softplus")),
+    ("Mish", HIDDEN, |s| unary(s, "Mish")),
     ("Log", HIDDEN, |s| unary(s, "Log")),
 ];
 
