@@ -156,7 +156,8 @@ pub fn exp_less_one(x: f64) -> f64 {
     let (rest, power) = parts_of_exp(x);
     // Near 0 the power is 1, and the rest is all.
     let result = (power - 1.0) + power * rest;
-    if x.is_nan() { x } else { result }
+    // A sum with 0 would lose the sign of -0.
+    if x.is_nan() | (x == 0.0) { x } else { result }
 }
 
 /// `e^x` as a small number, to which 1 is added, times a power of two.
