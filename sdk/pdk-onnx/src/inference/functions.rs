@@ -7,7 +7,7 @@ use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Operation, single};
 use super::error_function::{erf, normal_share};
-use super::lanes::{Lanes, Work, dispatch};
+use super::lanes::{Lanes, Work, dispatch_wide};
 use super::logarithm::{log, mish, softplus};
 use crate::operators::{gelu, rectifiers};
 use crate::order::{greater, lesser};
@@ -87,7 +87,7 @@ impl Smooth {
 
 impl Operation for Smooth {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        dispatch(Each { function: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
+        dispatch_wide(Each { function: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
         Ok(())
     }
 }

@@ -4,7 +4,7 @@ use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Constants, Operation, single};
 use super::functions::exp;
-use super::lanes::{Lanes, Work, dispatch};
+use super::lanes::{Lanes, Work, dispatch_wide};
 use super::logarithm::log;
 use crate::site::Site;
 
@@ -50,7 +50,7 @@ impl Power {
 
 impl Operation for Power {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        dispatch(Each { power: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
+        dispatch_wide(Each { power: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
         Ok(())
     }
 }

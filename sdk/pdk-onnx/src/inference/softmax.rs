@@ -4,7 +4,7 @@ use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Operation, single};
 use super::functions::exp;
-use super::lanes::{Lanes, Work, dispatch};
+use super::lanes::{Lanes, Work, dispatch_wide};
 use super::sums::{PARTS, beyond, extreme, joined};
 use crate::operators::softmax;
 use crate::site::Site;
@@ -34,7 +34,13 @@ impl Softmax {
 impl Operation for Softmax {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
-        dispatch(Groups { length: self.length, apart: self.apart, powers: &mut self.powers, input, into });
+        dispatch_wide(Groups {
+            length: self.length,
+            apart: self.apart,
+            powers: &mut self.powers,
+            input,
+            into,
+        });
         Ok(())
     }
 }
