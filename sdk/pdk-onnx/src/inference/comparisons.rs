@@ -96,6 +96,10 @@ const COMPARISONS: &[Comparison] = &[
     ("softmax over channels", 13, &[2, 5, 33], |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
     ("softmax, few apart", 13, &[2, 5, 3], |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
     ("softmax, many apart", 13, &[7, 97], |s| s.node("Softmax", &["x"], "y", &[("axis", Int(0))])),
+    ("logarithms of softmax", 13, &[3, 45], |s| unary(s, "LogSoftmax")),
+    ("logarithms of softmax, apart", 13, &[2, 5, 33], |s| {
+        s.node("LogSoftmax", &["x"], "y", &[("axis", Int(1))])
+    }),
     ("sum of the last", 13, &[3, 5, 45], |s| reduction(s, "ReduceSum", &[-1], 1)),
     ("sum of the middle", 13, &[3, 5, 45], |s| reduction(s, "ReduceSum", &[1], 0)),
     ("sum of the first", 13, &[3, 5, 1], |s| reduction(s, "ReduceSum", &[0], 1)),

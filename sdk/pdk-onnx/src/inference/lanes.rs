@@ -1,4 +1,4 @@
-//! Eight numbers at a time, with a multiply-add that rounds once, on every processor.
+//! Eight numbers at a time, or a pair of eight, with a multiply-add that rounds once, on every processor.
 //!
 //! The order of additions and where they are rounded is all that a sum of products depends on. Both are the same here for every
 //! processor: those with the instructions of x86-64-v3 or of aarch64 have a fused multiply-add, and for others it is computed.

@@ -344,7 +344,7 @@ fn operation(
             "Gemm" => return Ok(Box::new(Product::and_sum(site, known(1), known(2))?)),
             "Resize" | "Upsample" => return Ok(Box::new(Resize::new(site)?)),
             "LRN" => return Ok(Box::new(Neighbours::new(site)?)),
-            "Softmax" => return Ok(Box::new(Softmax::new(site)?)),
+            "Softmax" | "LogSoftmax" => return Ok(Box::new(Softmax::new(site)?)),
             _ => {}
         }
         if let Some(pool) = Pool::new(site)? {

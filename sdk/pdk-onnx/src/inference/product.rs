@@ -217,6 +217,7 @@ impl Work for Sums<'_> {
             match block.vectors {
                 VECTORS_OF_ONE => self.block::<L, VECTORS_OF_ONE, 1>(block),
                 3 => self.block::<L, 3, 3>(block),
+                // Only if two of these vectors are one register.
                 4 => self.block::<L, 4, 6>(block),
                 2 => self.block::<L, 2, 6>(block),
                 _ => self.block::<L, 1, 8>(block),
@@ -276,8 +277,8 @@ unsafe fn tile_of_pairs<L: Lanes, const PAIRS: usize, const PLACES: usize>(
     let (waiting, _) = waiting.as_chunks_mut::<{ 2 * LANES }>();
     let (waiting, _) = waiting.as_chunks_mut::<PAIRS>();
     assert_eq!(waiting.len(), PLACES);
-    // SAFETY: each is an array of as many numbers as a pair has.
     let mut sums: [[L::Pair; PAIRS]; PLACES] = array::from_fn(|place| {
+        // SAFETY: each is an array of as many numbers as a pair has.
         array::from_fn(|pair| unsafe { L::Pair::load(waiting[place][pair].as_ptr()) })
     });
     // Without taps, nothing is read, and a place may lie outside.

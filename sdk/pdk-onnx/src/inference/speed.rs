@@ -195,6 +195,22 @@ const MEASURED: &[(&str, &[usize], Build)] = &[
     ("GlobalMaxPool", IMAGE, |s| unary(s, "GlobalMaxPool")),
     ("Softplus", HIDDEN, |s| unary(s, "Softplus")),
     ("Mish", HIDDEN, |s| unary(s, "Mish")),
+    ("LogSoftmax", HIDDEN, |s| unary(s, "LogSoftmax")),
+    ("Sin", HIDDEN, |s| unary(s, "Sin")),
+    ("Softsign", HIDDEN, |s| unary(s, "Softsign")),
+    ("Sum of three", HIDDEN, |s| s.node("Sum", &["x", "x", "x"], "y", &[])),
+    ("Mean of two", HIDDEN, |s| s.node("Mean", &["x", "x"], "y", &[])),
+    ("CumSum", HIDDEN, |s| {
+        let axis = s.ints(&[1]);
+        s.node("CumSum", &["x", &axis], "y", &[]);
+    }),
+    ("TopK, 5 of 768", HIDDEN, |s| {
+        let count = s.ints(&[5]);
+        s.split("TopK", &["x", &count], &["y", "places"], &[]);
+    }),
+    ("Einsum of 197x64 and 197x64, 3 times", &[1, HEADS, PATCHES, 64], |s| {
+        s.node("Einsum", &["x", "x"], "y", &[("equation", Text("bhid,bhjd->bhij"))]);
+    }),
     ("Log", HIDDEN, |s| unary(s, "Log")),
 ];
 
