@@ -55,7 +55,7 @@ impl<const OPERANDS: usize> Broadcast<OPERANDS> {
 
     /// Calls `row` with each row of the result, and where the row of each operand begins.
     #[inline(always)]
-    pub fn rows(&mut self, into: &mut [f32], mut row: impl FnMut(&mut [f32], [usize; OPERANDS])) {
+    pub fn rows<T>(&mut self, into: &mut [T], mut row: impl FnMut(&mut [T], [usize; OPERANDS])) {
         self.at.fill(0);
         let mut starts = [0; OPERANDS];
         for into in into.chunks_exact_mut(self.last.0.max(1)) {

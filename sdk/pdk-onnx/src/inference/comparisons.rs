@@ -161,6 +161,14 @@ const COMPARISONS: &[Comparison] = &[
     ("choice of a column", 13, &[2, 3, 5], |s| choice(s, &[5], &[3, 1], true)),
     ("choice by a column", 13, &[3, 1], |s| choice(s, &[3, 1], &[3, 5], false)),
     ("choice between rows", 13, &[1, 5], |s| choice(s, &[1, 5], &[4, 1], true)),
+    ("sum of three", 13, &[3, 1, 5], |s| {
+        let column = s.drawn(&[4, 1], -1.0, 1.0);
+        s.node("Sum", &["x", &column, "x"], "y", &[]);
+    }),
+    ("mean of two", 13, &[3, 5], |s| weights(s, "Mean", &[&[2, 1, 5]], &[])),
+    ("sum of one operand", 13, &[3, 5], |s| unary(s, "Sum")),
+    ("greatest of four", 13, &[3, 5], |s| weights(s, "Max", &[&[5], &[3, 1], &[]], &[])),
+    ("least of three", 13, &[1, 5], |s| weights(s, "Min", &[&[3, 1], &[3, 5]], &[])),
     ("product with itself", 13, &[2, 3, 17, 9], |s| {
         s.node("Transpose", &["x"], "turned", &[("perm", crate::testing::Setting::Ints(&[0, 1, 3, 2]))]);
         s.node("MatMul", &["x", "turned"], "y", &[]);

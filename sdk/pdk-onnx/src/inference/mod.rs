@@ -30,6 +30,7 @@ mod power;
 mod product;
 mod reduction;
 mod resize;
+mod several;
 mod softmax;
 #[cfg(test)]
 mod speed;

@@ -20,6 +20,7 @@ use super::pooling::Pool;
 use super::power::Power;
 use super::reduction::Reduction;
 use super::resize::Resize;
+use super::several::Several;
 use super::softmax::Softmax;
 use super::standardization::Standardization;
 use super::{Operand, Program, Step};
@@ -382,6 +383,13 @@ fn operation(
         }
         if floats && let Some(binary) = Binary::new(site)? {
             return Ok(Box::new(binary));
+        }
+        let are_floats = floats && results.iter().all(|element| element.is_float());
+        if are_floats
+            && (2..node.input.len()).all(in_single)
+            && let Some(several) = Several::new(site)?
+        {
+            return Ok(Box::new(several));
         }
     }
     Ok(Box::new(Plain::new(graph.clone(), place, operator, constants)))
