@@ -62,6 +62,8 @@ impl Buffer {
             return;
         }
         match self {
+            // What comparisons compute, mostly.
+            Self::Single(values) if element == Element::BOOL && are_truths(values) => {}
             Self::Single(values) => {
                 values.iter_mut().for_each(|value| *value = element.rounded(f64::from(*value)) as f32);
             }
@@ -90,6 +92,13 @@ impl Buffer {
             Self::Double(_) => Err(Error::new("a value has more than 32 bits, which is a defect in pdk")),
         }
     }
+}
+
+/// Whether all elements are 0 or 1.
+fn are_truths(values: &[f32]) -> bool {
+    let is_truth = |value: &f32| (value.to_bits() == 0) | (*value == 1.0);
+    // Without an end at the first that is not, so that compilers use vectors.
+    values.chunks(256).all(|some| some.iter().fold(true, |all, value| all & is_truth(value)))
 }
 
 /// The elements of a constant, for what is computed in 32 bits.

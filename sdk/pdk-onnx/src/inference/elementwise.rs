@@ -5,10 +5,11 @@
 
 use pdk_sdk::error::Result;
 
+use super::broadcast::Broadcast;
 use super::buffer::{Buffer, Operation, single};
 use crate::operators::functions;
 use crate::site::Site;
-use crate::tensor::{Element, broadcast};
+use crate::tensor::Element;
 
 /// A function of one number.
 pub struct Unary(Function);
@@ -97,10 +98,7 @@ fn round(x: f32) -> f32 {
 /// A function of two numbers.
 pub struct Binary {
     pair: Pair,
-    /// The axes of the result but the last, each with its length and how far apart its elements are on both sides.
-    outer: Vec<(usize, [usize; 2])>,
-    /// The same of the last.
-    last: (usize, [usize; 2]),
+    way: Broadcast<2>,
 }
 
 #[derive(Clone, Copy)]
@@ -116,6 +114,8 @@ enum Pair {
     Less,
     LessOrEqual,
     Equal,
+    Slope,
+    Pow,
 }
 
 impl Binary {
@@ -136,43 +136,17 @@ impl Binary {
             ("Less", _) => Pair::Less,
             ("LessOrEqual", _) => Pair::LessOrEqual,
             ("Equal", _) => Pair::Equal,
+            ("PRelu", _) => Pair::Slope,
+            ("Pow", _) if site.fact(0)?.element.is_float() => Pair::Pow,
             _ => return Ok(None),
         };
-        let (a, b) = (site.shape(0)?, site.shape(1)?);
-        let shape = broadcast(&[a, b])?;
-        let steps = |of: &[usize]| {
-            let mut step = 1;
-            let mut steps = vec![0; shape.len()];
-            for (axis, &length) in of.iter().enumerate().rev() {
-                if length > 1 {
-                    steps[shape.len() - of.len() + axis] = step;
-                }
-                step *= length;
-            }
-            steps
-        };
-        let (left, right) = (steps(a), steps(b));
-        let mut axes: Vec<(usize, [usize; 2])> = Vec::new();
-        for axis in (0..shape.len()).filter(|&axis| shape[axis] != 1) {
-            let (length, steps) = (shape[axis], [left[axis], right[axis]]);
-            match axes.last_mut() {
-                // Two axes are one if both sides go through them in one stride.
-                Some((before, of)) if (0..2).all(|side| of[side] == steps[side] * length) => {
-                    *before *= length;
-                    *of = steps;
-                }
-                _ => axes.push((length, steps)),
-            }
-        }
-        let last = axes.pop().unwrap_or((1, [0, 0]));
-        Ok(Some(Self { pair: name, outer: axes, last }))
+        Ok(Some(Self { pair: name, way: Broadcast::new([site.shape(0)?, site.shape(1)?])? }))
     }
 
-    fn apply(&self, left: &[f32], right: &[f32], into: &mut [f32], f: impl Fn(f32, f32) -> f32) {
-        let (length, steps) = self.last;
-        let mut at = vec![0; self.outer.len()];
-        let [mut a, mut b] = [0, 0];
-        for row in into.chunks_exact_mut(length.max(1)) {
+    fn apply(&mut self, left: &[f32], right: &[f32], into: &mut [f32], f: impl Fn(f32, f32) -> f32) {
+        let steps = self.way.steps();
+        self.way.rows(into, |row, [a, b]| {
+            let length = row.len();
             match steps {
                 [1, 1] => {
                     let pairs = left[a..a + length].iter().zip(&right[b..b + length]);
@@ -192,19 +166,14 @@ impl Binary {
                     }
                 }
             }
-            for (at, (length, steps)) in at.iter_mut().zip(&self.outer).rev() {
-                *at += 1;
-                a += steps[0];
-                b += steps[1];
-                if *at < *length {
-                    break;
-                }
-                a -= steps[0] * length;
-                b -= steps[1] * length;
-                *at = 0;
-            }
-        }
+        });
     }
+}
+
+/// 1 if something holds, else 0. Compilers use vectors for a choice, and not for a conversion.
+#[inline(always)]
+fn truth(holds: bool) -> f32 {
+    if holds { 1.0 } else { 0.0 }
 }
 
 impl Operation for Binary {
@@ -217,11 +186,16 @@ impl Operation for Binary {
             Pair::Div => self.apply(left, right, into, |a, b| a / b),
             Pair::Max => self.apply(left, right, into, |a, b| if b > a || b.is_nan() { b } else { a }),
             Pair::Min => self.apply(left, right, into, |a, b| if b < a || b.is_nan() { b } else { a }),
-            Pair::Greater => self.apply(left, right, into, |a, b| f32::from(a > b)),
-            Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| f32::from(a >= b)),
-            Pair::Less => self.apply(left, right, into, |a, b| f32::from(a < b)),
-            Pair::LessOrEqual => self.apply(left, right, into, |a, b| f32::from(a <= b)),
-            Pair::Equal => self.apply(left, right, into, |a, b| f32::from(a == b)),
+            Pair::Greater => self.apply(left, right, into, |a, b| truth(a > b)),
+            Pair::GreaterOrEqual => self.apply(left, right, into, |a, b| truth(a >= b)),
+            Pair::Less => self.apply(left, right, into, |a, b| truth(a < b)),
+            Pair::LessOrEqual => self.apply(left, right, into, |a, b| truth(a <= b)),
+            Pair::Equal => self.apply(left, right, into, |a, b| truth(a == b)),
+            Pair::Slope => self.apply(left, right, into, |x, slope| if x < 0.0 { slope * x } else { x }),
+            // Not one operation, but no faster than by `libm`.
+            Pair::Pow => {
+                self.apply(left, right, into, |a, b| libm::pow(f64::from(a), f64::from(b)) as f32);
+            }
         }
         Ok(())
     }

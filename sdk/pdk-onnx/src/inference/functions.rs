@@ -1,5 +1,4 @@
-//! Functions of each element that are computed in 64-bit floats, many elements at a time, and rounded to 32 bits, most of which need an exponential;
-//! and `Softmax`.
+//! Functions of each element that are computed in 64-bit floats, many elements at a time, and rounded to 32 bits, most of which need an exponential.
 //!
 //! They consist of additions, multiplications and divisions in one order, none of them fused, so that every processor gives the same bits.
 //! The functions of `libm` are as exact, and several times slower.
@@ -7,10 +6,22 @@
 use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Operation, single};
-use super::lanes::{Lanes, Work, dispatch};
-use crate::operators::softmax;
-use crate::order::greater;
+use super::error_function::{erf, normal_share};
+use super::lanes::{Lanes, Work, dispatch_wide};
+use super::logarithm::{log, mish, softplus};
+use crate::operators::{gelu, rectifiers};
+use crate::order::{greater, lesser};
 use crate::site::Site;
+
+/// A polynomial with these factors, that of the highest power first. Compilers use no vectors for a long loop over factors.
+macro_rules! polynomial {
+    ($x:expr; $first:expr $(, $factor:expr)*) => {{
+        let sum = $first;
+        $(let sum = sum * $x + $factor;)*
+        sum
+    }};
+}
+pub(super) use polynomial;
 
 /// A function of each element.
 #[derive(Clone, Copy)]
@@ -27,6 +38,24 @@ pub enum Smooth {
     HardSigmoid(f64, f64),
     /// `x` times `x / 6 + 1 / 2` from 0 to 1.
     HardSwish,
+    /// The error function.
+    Erf,
+    /// `x` times the share of a normal distribution below `x`.
+    Gelu,
+    /// The same approximately, by a hyperbolic tangent.
+    GeluByTanh,
+    /// `x / (1 + e^(-alpha x))`.
+    Swish(f64),
+    /// `gamma x`, and `gamma alpha (e^x - 1)` below 0.
+    Selu(f64, f64),
+    /// `x`, and `alpha (e^(x / alpha) - 1)` below 0.
+    Celu(f64),
+    /// The natural logarithm.
+    Log,
+    /// `log(1 + e^x)`.
+    Softplus,
+    /// `x tanh(log(1 + e^x))`.
+    Mish,
 }
 
 impl Smooth {
@@ -39,6 +68,18 @@ impl Smooth {
             "Elu" => Some(Self::Elu(site.float("alpha", 1.0))),
             "HardSigmoid" => Some(Self::HardSigmoid(site.float("alpha", 0.2), site.float("beta", 0.5))),
             "HardSwish" => Some(Self::HardSwish),
+            "Erf" => Some(Self::Erf),
+            "Gelu" if gelu::approximate(site) => Some(Self::GeluByTanh),
+            "Gelu" => Some(Self::Gelu),
+            "Swish" => Some(Self::Swish(site.float("alpha", 1.0))),
+            "Selu" => {
+                let (alpha, gamma) = rectifiers::of_selu(site);
+                Some(Self::Selu(alpha, gamma))
+            }
+            "Celu" => rectifiers::alpha_of_celu(site).ok().map(Self::Celu),
+            "Log" => Some(Self::Log),
+            "Softplus" => Some(Self::Softplus),
+            "Mish" => Some(Self::Mish),
             _ => None,
         }
     }
@@ -46,7 +87,7 @@ impl Smooth {
 
 impl Operation for Smooth {
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        dispatch(Each { function: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
+        dispatch_wide(Each { function: *self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
         Ok(())
     }
 }
@@ -60,7 +101,10 @@ struct Each<'a> {
 impl Each<'_> {
     #[inline(always)]
     fn all(self, f: impl Fn(f64) -> f64) {
-        self.into.iter_mut().zip(self.input).for_each(|(into, &x)| *into = f(f64::from(x)) as f32);
+        // Not `for_each`, whose code a compiler keeps apart if it is long, for any processor then.
+        for (into, x) in self.into.iter_mut().zip(self.input) {
+            *into = f(f64::from(*x)) as f32;
+        }
     }
 }
 
@@ -74,6 +118,19 @@ impl Work for Each<'_> {
             Smooth::Elu(alpha) => self.all(|x| if x < 0.0 { alpha * exp_less_one(x) } else { x }),
             Smooth::HardSigmoid(alpha, beta) => self.all(|x| share(alpha * x + beta)),
             Smooth::HardSwish => self.all(|x| x * share(x / 6.0 + 0.5)),
+            Smooth::Erf => self.all(erf),
+            Smooth::Gelu => self.all(gelu),
+            Smooth::GeluByTanh => self.all(gelu_by_tanh),
+            Smooth::Swish(alpha) => self.all(|x| x * logistic(alpha * x)),
+            Smooth::Selu(alpha, gamma) => {
+                self.all(|x| gamma * if x > 0.0 { x } else { alpha * exp_less_one(x) });
+            }
+            Smooth::Celu(alpha) => {
+                self.all(|x| greater(0.0, x) + lesser(0.0, alpha * exp_less_one(x / alpha)));
+            }
+            Smooth::Log => self.all(log),
+            Smooth::Softplus => self.all(softplus),
+            Smooth::Mish => self.all(mish),
         }
     }
 }
@@ -86,10 +143,28 @@ fn share(x: f64) -> f64 {
 }
 
 /// `e^x`, with a relative error below 2^-45 for what is within the range of 32-bit floats.
+#[inline(always)]
+pub fn exp(x: f64) -> f64 {
+    let (rest, power) = parts_of_exp(x);
+    let result = (1.0 + rest) * power;
+    if x.is_nan() { x } else { result }
+}
+
+/// `e^x - 1`, exact also near 0.
+#[inline(always)]
+pub fn exp_less_one(x: f64) -> f64 {
+    let (rest, power) = parts_of_exp(x);
+    // Near 0 the power is 1, and the rest is all.
+    let result = (power - 1.0) + power * rest;
+    // A sum with 0 would lose the sign of -0.
+    if x.is_nan() | (x == 0.0) { x } else { result }
+}
+
+/// `e^x` as a small number, to which 1 is added, times a power of two.
 ///
 /// `x` is `n ln 2 + r` with a whole number `n` and `r` of at most half of `ln 2`, for which the series of `e^r` is summed up to `r^11`.
 #[inline(always)]
-pub fn exp(x: f64) -> f64 {
+fn parts_of_exp(x: f64) -> (f64, f64) {
     // Beyond these, the result is 0 or infinite in 32 bits.
     const BOUND: f64 = 160.0;
     let bounded = if x > BOUND { BOUND } else { x };
@@ -103,33 +178,31 @@ pub fn exp(x: f64) -> f64 {
     const LOW: f64 = 1.908_214_929_270_587_7e-10;
     let r = (bounded - n * HIGH) - n * LOW;
     let power = f64::from_bits((shifted.to_bits().wrapping_add(1023)) << 52);
-    let result = (1.0 + series(r)) * power;
-    if x.is_nan() { x } else { result }
+    (series(r), power)
 }
 
-/// `e^r - 1` for small `r`.
+/// `e^r - 1` for small `r`, in two sums that a processor computes at the same time.
 #[inline(always)]
 fn series(r: f64) -> f64 {
-    const FACTORS: [f64; 11] = [
+    let square = r * r;
+    let odd = polynomial!(
+        square;
         1.0 / 39_916_800.0,
-        1.0 / 3_628_800.0,
         1.0 / 362_880.0,
-        1.0 / 40_320.0,
         1.0 / 5_040.0,
-        1.0 / 720.0,
         1.0 / 120.0,
-        1.0 / 24.0,
         1.0 / 6.0,
-        1.0 / 2.0,
-        1.0,
-    ];
-    FACTORS.into_iter().fold(0.0, |sum, factor| sum * r + factor) * r
-}
-
-/// `e^x - 1`, exact also near 0.
-#[inline(always)]
-fn exp_less_one(x: f64) -> f64 {
-    if x.abs() < 0.3 { series(x) } else { exp(x) - 1.0 }
+        1.0
+    );
+    let even = polynomial!(
+        square;
+        1.0 / 3_628_800.0,
+        1.0 / 40_320.0,
+        1.0 / 720.0,
+        1.0 / 24.0,
+        1.0 / 2.0
+    );
+    (odd + even * r) * r
 }
 
 /// The hyperbolic tangent.
@@ -139,44 +212,25 @@ fn tanh(x: f64) -> f64 {
     (twice / (twice + 2.0)).copysign(x)
 }
 
-/// `Softmax`.
-pub struct Softmax {
-    /// The elements that sum to one, and how far they are apart.
-    length: usize,
-    apart: usize,
-    powers: Vec<f64>,
+/// `x` times the share of a normal distribution below `x`.
+#[inline(always)]
+fn gelu(x: f64) -> f64 {
+    x * normal_share(x)
 }
 
-impl Softmax {
-    /// The node's.
-    ///
-    /// # Errors
-    /// If it contradicts itself.
-    pub fn new(site: &Site<'_>) -> Result<Self> {
-        let (length, apart) = softmax::group(site)?;
-        Ok(Self { length, apart, powers: vec![0.0; length] })
-    }
+/// `1 / (1 + e^-x)`, and exactly 0 far below 0.
+#[inline(always)]
+fn logistic(x: f64) -> f64 {
+    let share = 1.0 / (1.0 + exp(-x));
+    if x < -150.0 { 0.0 } else { share }
 }
 
-impl Operation for Softmax {
-    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
-        let (block, apart) = (self.length * self.apart, self.apart);
-        for (input, into) in input.chunks_exact(block.max(1)).zip(into.chunks_exact_mut(block.max(1))) {
-            for first in 0..apart {
-                let values = || input[first..].iter().step_by(apart).map(|value| f64::from(*value));
-                let greatest = values().fold(f64::NEG_INFINITY, greater);
-                self.powers
-                    .iter_mut()
-                    .zip(values())
-                    .for_each(|(power, value)| *power = exp(value - greatest));
-                let sum: f64 = self.powers.iter().sum();
-                let shares = self.powers.iter().map(|power| (power / sum) as f32);
-                into[first..].iter_mut().step_by(apart).zip(shares).for_each(|(into, share)| *into = share);
-            }
-        }
-        Ok(())
-    }
+/// `x (1 + tanh u) / 2` with `u = sqrt(2 / pi) (x + c x^3)`, which is `x / (1 + e^-2u)`.
+#[inline(always)]
+fn gelu_by_tanh(x: f64) -> f64 {
+    // The square root of 8 / pi.
+    const FACTOR: f64 = 1.595_769_121_605_730_7;
+    x * logistic(FACTOR * (x + gelu::CUBE * x * x * x))
 }
 
 #[cfg(test)]
@@ -218,5 +272,18 @@ mod tests {
             |x| if x < 80.0 { exp_less_one(x) } else { 1.0 },
             |x| if x < 80.0 { libm::expm1(x) } else { 1.0 },
         );
+        compare("erf", erf, libm::erf);
+        // Where 1 - erf has lost its digits, this has not.
+        compare("gelu", gelu, |x| x * (0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2)));
+        compare("log", log, libm::log);
+        compare("softplus", softplus, |x| libm::log1p(libm::exp(-x.abs())) + if x > 0.0 { x } else { 0.0 });
+        // Below -30, the sum with 1 keeps none of the exponential.
+        compare("mish", mish, |x| {
+            x * if x < -30.0 { libm::exp(x) } else { libm::tanh(libm::log1p(libm::exp(x))) }
+        });
+        let factor = libm::sqrt(8.0 / std::f64::consts::PI);
+        compare("gelu by tanh", gelu_by_tanh, |x| {
+            x / (1.0 + libm::exp(-factor * (x + gelu::CUBE * x * x * x)))
+        });
     }
 }

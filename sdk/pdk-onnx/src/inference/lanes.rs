@@ -1,4 +1,4 @@
-//! Eight numbers at a time, with a multiply-add that rounds once, on every processor.
+//! Eight numbers at a time, or a pair of eight, with a multiply-add that rounds once, on every processor.
 //!
 //! The order of additions and where they are rounded is all that a sum of products depends on. Both are the same here for every
 //! processor: those with the instructions of x86-64-v3 or of aarch64 have a fused multiply-add, and for others it is computed.
@@ -6,8 +6,55 @@
 /// The number of lanes.
 pub const LANES: usize = 8;
 
+/// Sixteen numbers.
+pub trait Pair: Copy {
+    /// The same number in each lane.
+    fn splat(value: f32) -> Self;
+
+    /// Sixteen numbers that lie side by side.
+    ///
+    /// # Safety
+    /// They have to be readable from `place` on.
+    unsafe fn load(place: *const f32) -> Self;
+
+    /// `self * factor + sum`, rounded once.
+    fn multiply_add(self, factor: Self, sum: Self) -> Self;
+
+    /// The numbers.
+    fn to_array(self) -> [f32; 2 * LANES];
+}
+
+impl<L: Lanes> Pair for [L; 2] {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        [L::splat(value); 2]
+    }
+
+    #[inline(always)]
+    unsafe fn load(place: *const f32) -> Self {
+        // SAFETY: the caller says that sixteen numbers are there.
+        unsafe { [L::load(place), L::load(place.add(LANES))] }
+    }
+
+    #[inline(always)]
+    fn multiply_add(self, factor: Self, sum: Self) -> Self {
+        let ([a, b], [c, d], [e, f]) = (self, factor, sum);
+        [a.multiply_add(c, e), b.multiply_add(d, f)]
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f32; 2 * LANES] {
+        let mut array = [0.0; 2 * LANES];
+        array.as_chunks_mut().0.iter_mut().zip(self).for_each(|(into, lanes)| *into = lanes.to_array());
+        array
+    }
+}
+
 /// Eight numbers.
 pub trait Lanes: Copy {
+    /// Sixteen numbers.
+    type Pair: Pair;
+
     /// The same number in each lane.
     fn splat(value: f32) -> Self;
 
@@ -29,6 +76,8 @@ pub trait Lanes: Copy {
 pub struct Portable([f32; LANES]);
 
 impl Lanes for Portable {
+    type Pair = [Self; 2];
+
     #[inline(always)]
     fn splat(value: f32) -> Self {
         Self([value; LANES])
@@ -92,13 +141,15 @@ fn computed(a: f32, b: f32, c: f32) -> f32 {
 mod avx {
     use std::arch::x86_64::*;
 
-    use super::{LANES, Lanes};
+    use super::{LANES, Lanes, Pair};
 
     /// A register of AVX. Only code for processors with AVX2 and FMA makes one.
     #[derive(Clone, Copy)]
     pub struct Avx(__m256);
 
     impl Lanes for Avx {
+        type Pair = [Self; 2];
+
         #[inline(always)]
         fn splat(value: f32) -> Self {
             // SAFETY: only code for processors with AVX2 and FMA gets here, see the type.
@@ -125,9 +176,70 @@ mod avx {
             array
         }
     }
+
+    /// The same, with registers of AVX-512 for pairs. Only code for processors with AVX-512 makes one.
+    #[derive(Clone, Copy)]
+    pub struct Avx512(Avx);
+
+    impl Lanes for Avx512 {
+        type Pair = Wide;
+
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            Self(Avx::splat(value))
+        }
+
+        #[inline(always)]
+        unsafe fn load(place: *const f32) -> Self {
+            // SAFETY: the caller says that eight numbers are there.
+            Self(unsafe { Avx::load(place) })
+        }
+
+        #[inline(always)]
+        fn multiply_add(self, factor: Self, sum: Self) -> Self {
+            Self(self.0.multiply_add(factor.0, sum.0))
+        }
+
+        #[inline(always)]
+        fn to_array(self) -> [f32; LANES] {
+            self.0.to_array()
+        }
+    }
+
+    /// A register of AVX-512.
+    #[derive(Clone, Copy)]
+    pub struct Wide(__m512);
+
+    impl Pair for Wide {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            // SAFETY: only code for processors with AVX-512 gets here, see the type.
+            Self(unsafe { _mm512_set1_ps(value) })
+        }
+
+        #[inline(always)]
+        unsafe fn load(place: *const f32) -> Self {
+            // SAFETY: as above, and the caller says that sixteen numbers are there.
+            Self(unsafe { _mm512_loadu_ps(place) })
+        }
+
+        #[inline(always)]
+        fn multiply_add(self, factor: Self, sum: Self) -> Self {
+            // SAFETY: as above.
+            Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, sum.0) })
+        }
+
+        #[inline(always)]
+        fn to_array(self) -> [f32; 2 * LANES] {
+            let mut array = [0.0; 2 * LANES];
+            // SAFETY: as above, and the array has room for sixteen numbers.
+            unsafe { _mm512_storeu_ps(array.as_mut_ptr(), self.0) };
+            array
+        }
+    }
 }
 #[cfg(target_arch = "x86_64")]
-pub use avx::Avx;
+pub use avx::{Avx, Avx512};
 
 /// Work that is written once for every kind of lanes.
 pub trait Work {
@@ -135,8 +247,27 @@ pub trait Work {
     fn with<L: Lanes>(self);
 }
 
+#[cfg(test)]
+thread_local! {
+    /// Whether this thread does work as processors without vector instructions do.
+    static IS_PORTABLE: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Computes something as processors without vector instructions do.
+#[cfg(test)]
+pub fn portably<T>(compute: impl FnOnce() -> T) -> T {
+    IS_PORTABLE.set(true);
+    let result = compute();
+    IS_PORTABLE.set(false);
+    result
+}
+
 /// Does work with the best lanes of this processor.
 pub fn dispatch(work: impl Work) {
+    #[cfg(test)]
+    if IS_PORTABLE.get() {
+        return work.with::<Portable>();
+    }
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
         // SAFETY: the processor has both.
@@ -144,6 +275,37 @@ pub fn dispatch(work: impl Work) {
         return;
     }
     work.with::<Portable>();
+}
+
+/// Whether a pair is one register on this processor, which then also computes with twice as many 64-bit floats at a time.
+pub fn has_wide_lanes() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma");
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
+
+/// Does work with the best lanes of this processor, if it is faster with registers of sixteen.
+pub fn dispatch_wide(work: impl Work) {
+    #[cfg(test)]
+    if IS_PORTABLE.get() {
+        return work.with::<Portable>();
+    }
+    #[cfg(target_arch = "x86_64")]
+    if has_wide_lanes() {
+        // SAFETY: the processor has the three extensions.
+        unsafe { with_avx512(work) };
+        return;
+    }
+    dispatch(work);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,fma")]
+fn with_avx512(work: impl Work) {
+    work.with::<Avx512>();
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -23,7 +23,7 @@ pub struct Product {
     starts: Vec<usize>,
     taps: Vec<u32>,
     places: Vec<Place>,
-    /// The right matrices, if they are constant.
+    /// The right matrices; those that are computed are packed again for each frame.
     packed: Vec<Packed>,
     is_constant: bool,
     sum: Option<Sum>,
@@ -130,20 +130,20 @@ impl Product {
     }
 
     fn with(mut self, right: Option<&Tensor>, start: &[f32]) -> Self {
+        let start = |output: usize| start.get(output).copied().unwrap_or(0.0);
+        let empty = Packed::new(self.columns, self.inner, self.rows, |_, _| 0.0, start);
+        self.packed = vec![empty; self.starts.len()];
         if let Some(right) = right {
-            let values = singles(right);
-            self.packed = self.starts.iter().map(|&first| self.pack(&values[first..], start)).collect();
+            self.pack(&singles(right));
         }
         self
     }
 
-    /// Packs a right matrix.
-    fn pack(&self, values: &[f32], start: &[f32]) -> Packed {
-        let [row, column] = self.right;
-        let weight = |output: usize, tap: usize| values[tap * row + output * column];
-        Packed::new(self.columns, self.inner, self.rows, weight, |output| {
-            start.get(output).copied().unwrap_or(0.0)
-        })
+    /// Packs the right matrices.
+    fn pack(&mut self, values: &[f32]) {
+        for (packed, first) in self.packed.iter_mut().zip(&self.starts) {
+            packed.fill(&values[*first..], self.right);
+        }
     }
 }
 
@@ -160,9 +160,7 @@ impl Operation for Product {
         let left = single(inputs, 0)?;
         let result = outputs[0].single_mut()?;
         if !self.is_constant {
-            let right = single(inputs, 1)?;
-            let packed = self.starts.iter().map(|&first| self.pack(&right[first..], &[])).collect();
-            self.packed = packed;
+            self.pack(single(inputs, 1)?);
         }
         for (&(first, number), into) in
             self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1)))

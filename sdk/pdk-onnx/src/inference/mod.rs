@@ -6,20 +6,36 @@
 //! exact up to one rounding, or is computed in 64-bit floats and rounded to its type: frequent operators by code of their own, the others by their
 //! rules ([`plain`]). None of that depends on the processor, the number of threads or the system's mathematical library.
 
+mod broadcast;
 mod buffer;
+mod choice;
+#[cfg(test)]
+mod comparisons;
 mod convolution;
 mod elementwise;
+mod error_function;
+mod extremes;
 mod functions;
 mod lanes;
+mod logarithm;
 mod matrix;
 mod movement;
+mod neighbours;
 mod normalization;
 mod plain;
 mod plan;
 mod planar;
 mod pooling;
+mod power;
 mod product;
+mod reduction;
 mod resize;
+mod several;
+mod softmax;
+#[cfg(test)]
+mod speed;
+mod standardization;
+mod sums;
 #[cfg(test)]
 mod tests;
 

@@ -6,15 +6,23 @@ use std::sync::Arc;
 use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Constants, Operation, is_single};
+use super::choice::Choice;
 use super::convolution::Convolution;
 use super::elementwise::{Binary, Unary};
-use super::functions::{Smooth, Softmax};
+use super::extremes::Extremes;
+use super::functions::Smooth;
 use super::matrix::Product;
 use super::movement::{Movement, moved};
+use super::neighbours::Neighbours;
 use super::normalization::Normalization;
 use super::plain::{self, Plain};
-use super::pooling::{Mean, Pool};
+use super::pooling::Pool;
+use super::power::Power;
+use super::reduction::Reduction;
 use super::resize::Resize;
+use super::several::Several;
+use super::softmax::Softmax;
+use super::standardization::Standardization;
 use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
@@ -313,6 +321,15 @@ fn operation(
     {
         return Ok(Box::new(movement));
     }
+    if all(|element| element.is_float() && is_single(element)) {
+        // Axes and exponents are often 64-bit integers.
+        if let Some(reduction) = Reduction::new(site)? {
+            return Ok(Box::new(reduction));
+        }
+        if let Some(power) = Power::new(site, constants) {
+            return Ok(Box::new(power));
+        }
+    }
     let in_single = |place: usize| {
         site.optional(place).is_none() || site.fact(place).is_ok_and(|fact| is_single(fact.element))
     };
@@ -327,12 +344,15 @@ fn operation(
             "MatMul" => return Ok(Box::new(Product::stacks(site, known(1))?)),
             "Gemm" => return Ok(Box::new(Product::and_sum(site, known(1), known(2))?)),
             "Resize" | "Upsample" => return Ok(Box::new(Resize::new(site)?)),
-            "Softmax" => return Ok(Box::new(Softmax::new(site)?)),
-            "GlobalAveragePool" => return Ok(Box::new(Mean)),
+            "LRN" => return Ok(Box::new(Neighbours::new(site)?)),
+            "Softmax" | "LogSoftmax" => return Ok(Box::new(Softmax::new(site)?)),
             _ => {}
         }
         if let Some(pool) = Pool::new(site)? {
             return Ok(Box::new(pool));
+        }
+        if let Some(standardization) = Standardization::new(site)? {
+            return Ok(Box::new(standardization));
         }
         if node.op_type == "BatchNormalization"
             && let Some(normalization) = Normalization::new(site, constants)?
@@ -346,6 +366,11 @@ fn operation(
             return Ok(Box::new(smooth));
         }
     }
+    if computed.iter().all(|element| is_single(*element))
+        && let Some(extremes) = Extremes::new(site)?
+    {
+        return Ok(Box::new(extremes));
+    }
     let floats = computed.iter().all(|element| element.is_float());
     if all(is_single) && in_single(0) && in_single(1) {
         if node.op_type == "Cast"
@@ -353,8 +378,18 @@ fn operation(
         {
             return Ok(Box::new(unary));
         }
+        if node.op_type == "Where" && in_single(2) {
+            return Ok(Box::new(Choice::new(site)?));
+        }
         if floats && let Some(binary) = Binary::new(site)? {
             return Ok(Box::new(binary));
+        }
+        let are_floats = floats && results.iter().all(|element| element.is_float());
+        if are_floats
+            && (2..node.input.len()).all(in_single)
+            && let Some(several) = Several::new(site)?
+        {
+            return Ok(Box::new(several));
         }
     }
     Ok(Box::new(Plain::new(graph.clone(), place, operator, constants)))

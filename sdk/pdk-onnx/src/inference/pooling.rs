@@ -1,4 +1,4 @@
-//! `MaxPool`, `AveragePool` and `GlobalAveragePool`.
+//! `MaxPool` and `AveragePool`.
 
 use pdk_sdk::error::Result;
 
@@ -90,20 +90,6 @@ impl Operation for Pool {
             for ((into, sum), divisor) in plane.iter_mut().zip(&self.sums).zip(divisors) {
                 *into = (sum / divisor) as f32;
             }
-        }
-        Ok(())
-    }
-}
-
-/// The mean of each channel.
-pub struct Mean;
-
-impl Operation for Mean {
-    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        let (image, result) = (single(inputs, 0)?, outputs[0].single_mut()?);
-        let count = image.len() / result.len().max(1);
-        for (into, plane) in result.iter_mut().zip(image.chunks_exact(count.max(1))) {
-            *into = (plane.iter().map(|value| f64::from(*value)).sum::<f64>() / count as f64) as f32;
         }
         Ok(())
     }

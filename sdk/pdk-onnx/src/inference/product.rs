@@ -6,7 +6,7 @@
 
 use std::array;
 
-use super::lanes::{LANES, Lanes, Work, dispatch};
+use super::lanes::{LANES, Lanes, Pair, Work, dispatch_wide, has_wide_lanes};
 
 /// A place of an input, and where what is computed for it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,6 +63,8 @@ impl Packed {
             let left = (outputs - first).div_ceil(LANES);
             let vectors = match left {
                 _ if places == 1 && left >= VECTORS_OF_ONE => VECTORS_OF_ONE,
+                // Two registers with sixteen lanes, of which there are twice as many.
+                4.. if has_wide_lanes() => 4,
                 // Pairs are fastest; three are better than a pair and one.
                 _ if left % 2 == 1 && left > 1 => 3,
                 _ => left.min(2),
@@ -83,6 +85,22 @@ impl Packed {
         }
         Self { blocks, taps }
     }
+
+    /// Puts other weights in: those of a matrix whose rows are taps and whose columns are outputs, with how far apart both are.
+    pub fn fill(&mut self, values: &[f32], [row, column]: [usize; 2]) {
+        for Block { first, count, vectors, weights, .. } in &mut self.blocks {
+            for (tap, into) in weights.chunks_exact_mut(*vectors * LANES).enumerate() {
+                let from = &values[tap * row + *first * column..];
+                match column {
+                    1 => into[..*count].copy_from_slice(&from[..*count]),
+                    _ => {
+                        let weights = from.iter().step_by(column);
+                        into[..*count].iter_mut().zip(weights).for_each(|(into, weight)| *into = *weight);
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Computes what belongs to each place. The outputs of a place lie `apart` from each other.
@@ -90,7 +108,7 @@ impl Packed {
 /// # Panics
 /// If a place with a tap lies outside the input, or an output outside the result.
 pub fn sum(input: &[f32], packed: &Packed, taps: &[u32], places: &[Place], apart: usize, into: &mut [f32]) {
-    dispatch(Sums::new(input, packed, taps, places, apart, into));
+    dispatch_wide(Sums::new(input, packed, taps, places, apart, into));
 }
 
 /// What [`sum`] has to do.
@@ -140,7 +158,14 @@ impl<'a> Sums<'a> {
                     }
                     // SAFETY: `new` has seen that each place with each tap lies inside the input, and the weights are as many as the
                     // assertion says.
-                    unsafe { tile::<L, VECTORS, PLACES>(self.input, from, taps, weights, sums) };
+                    unsafe {
+                        let flat = sums.as_flattened_mut().as_flattened_mut();
+                        match VECTORS {
+                            2 => tile_of_pairs::<L, 1, PLACES>(self.input, from, taps, weights, flat),
+                            4 => tile_of_pairs::<L, 2, PLACES>(self.input, from, taps, weights, flat),
+                            _ => tile::<L, VECTORS, PLACES>(self.input, from, taps, weights, sums),
+                        }
+                    };
                 }
             }
             for (places, sums) in group.chunks(PLACES).zip(&waiting) {
@@ -192,6 +217,8 @@ impl Work for Sums<'_> {
             match block.vectors {
                 VECTORS_OF_ONE => self.block::<L, VECTORS_OF_ONE, 1>(block),
                 3 => self.block::<L, 3, 3>(block),
+                // Only if two of these vectors are one register.
+                4 => self.block::<L, 4, 6>(block),
                 2 => self.block::<L, 2, 6>(block),
                 _ => self.block::<L, 1, 8>(block),
             }
@@ -235,9 +262,50 @@ unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
     }
 }
 
+/// The same for pairs of vectors, each of which may be one register.
+///
+/// # Safety
+/// As for [`tile`].
+#[inline(always)]
+unsafe fn tile_of_pairs<L: Lanes, const PAIRS: usize, const PLACES: usize>(
+    input: &[f32],
+    from: [usize; PLACES],
+    taps: &[u32],
+    weights: &[f32],
+    waiting: &mut [f32],
+) {
+    let (waiting, _) = waiting.as_chunks_mut::<{ 2 * LANES }>();
+    let (waiting, _) = waiting.as_chunks_mut::<PAIRS>();
+    assert_eq!(waiting.len(), PLACES);
+    let mut sums: [[L::Pair; PAIRS]; PLACES] = array::from_fn(|place| {
+        // SAFETY: each is an array of as many numbers as a pair has.
+        array::from_fn(|pair| unsafe { L::Pair::load(waiting[place][pair].as_ptr()) })
+    });
+    // Without taps, nothing is read, and a place may lie outside.
+    let places = from.map(|from| input.as_ptr().wrapping_add(from));
+    let mut row = weights.as_ptr();
+    for &tap in taps {
+        // SAFETY: there is a row of weights for each tap.
+        let weights: [L::Pair; PAIRS] =
+            array::from_fn(|pair| unsafe { L::Pair::load(row.add(pair * 2 * LANES)) });
+        // SAFETY: at most one past the last row.
+        row = unsafe { row.add(PAIRS * 2 * LANES) };
+        for (sums, place) in sums.iter_mut().zip(places) {
+            // SAFETY: a place with a tap lies inside the input.
+            let value = L::Pair::splat(unsafe { *place.add(tap as usize) });
+            for (sum, weights) in sums.iter_mut().zip(weights) {
+                *sum = value.multiply_add(weights, *sum);
+            }
+        }
+    }
+    for (waiting, sums) in waiting.iter_mut().zip(sums) {
+        *waiting = sums.map(L::Pair::to_array);
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::{Portable, multiply_add};
+    use super::super::lanes::{Portable, dispatch, multiply_add};
     use super::*;
     use crate::testing::numbers;
 
@@ -255,6 +323,7 @@ mod tests {
             (33, 11, 5),
             (36, 40, 7),
             (100, 64, 1),
+            (72, 130, 20),
             (65, 3, 1),
         ] {
             let input = draw(1, 3 * (places + taps));
@@ -279,6 +348,9 @@ mod tests {
                 let mut found = vec![0.0; outputs * places];
                 sum(&input, &packed, &offsets, &list, apart, &mut found);
                 assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places");
+                found.fill(0.0);
+                dispatch(Sums::new(&input, &packed, &offsets, &list, apart, &mut found));
+                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places, eight lanes");
                 found.fill(0.0);
                 Sums::new(&input, &packed, &offsets, &list, apart, &mut found).with::<Portable>();
                 assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places, portable");

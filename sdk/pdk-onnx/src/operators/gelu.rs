@@ -13,9 +13,10 @@ use crate::tensor::Tensor;
 pub const OPERATORS: &[Operator] = &[Operator::new("Gelu", same, evaluate, Rule::First(gradient))];
 
 /// The factor of the cube in the approximation.
-const CUBE: f64 = 0.044715;
+pub const CUBE: f64 = 0.044715;
 
-fn approximate(site: &Site<'_>) -> bool {
+/// Whether a node asks for the approximation.
+pub fn approximate(site: &Site<'_>) -> bool {
     site.text("approximate", "none") == "tanh"
 }
 

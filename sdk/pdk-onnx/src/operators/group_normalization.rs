@@ -16,7 +16,7 @@ pub const OPERATORS: &[Operator] = &[
 ];
 
 /// The number of groups of channels, and of channels for each factor and term: before version 21 there is one for each group.
-fn groups(site: &Site<'_>) -> Result<(usize, usize)> {
+pub fn groups(site: &Site<'_>) -> Result<(usize, usize)> {
     let shape = site.shape(0)?;
     let channels = *shape.get(1).ok_or_else(|| Error::new("its input has no channels"))?;
     let count = site.int("num_groups", 0);

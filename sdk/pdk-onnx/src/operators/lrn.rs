@@ -10,7 +10,7 @@ use crate::values::Fact;
 pub const OPERATORS: &[Operator] = &[Operator::new("LRN", infer, evaluate, Rule::Unknown)];
 
 /// The number of channels that are summed.
-fn size(site: &Site<'_>) -> Result<usize> {
+pub fn size(site: &Site<'_>) -> Result<usize> {
     if site.shape(0)?.len() < 2 {
         return Err(Error::new("its input has no channels"));
     }

@@ -58,7 +58,7 @@ fn bent(site: &Site<'_>, b: &mut Builder, g: &str, slope: f64, [factor, term]: [
 }
 
 /// The factor of the exponential function, and that of all.
-fn of_selu(site: &Site<'_>) -> (f64, f64) {
+pub fn of_selu(site: &Site<'_>) -> (f64, f64) {
     (site.float("alpha", 1.673_263_2), site.float("gamma", 1.050_701))
 }
 
@@ -72,7 +72,8 @@ fn selu(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     bent(site, b, g, gamma, [1.0, gamma * alpha])
 }
 
-fn alpha_of_celu(site: &Site<'_>) -> Result<f64> {
+/// The bend of a node.
+pub fn alpha_of_celu(site: &Site<'_>) -> Result<f64> {
     match site.float("alpha", 1.0) {
         0.0 => Err(Error::new("its alpha is 0; export it with another one")),
         alpha => Ok(alpha),
