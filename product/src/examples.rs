@@ -64,6 +64,19 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "sensitivity",
+        &[
+            (
+                "pdk sensitivity runs/study-1 --scenario 12",
+                "when and where in the frames the level of a perturbation matters",
+            ),
+            (
+                "pdk sensitivity runs/study-1 --scenario 12 --least -o least",
+                "and the least change of it over time with which the driver leaves its lane",
+            ),
+        ],
+    ),
+    (
         "why",
         &[
             ("pdk why runs/study-1 --scenario 12", "which frames and which part of them made the drive fail"),

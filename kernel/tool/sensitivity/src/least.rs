@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_courses_come_to_the_same_and_are_no_farther() {
+    fn the_nearest_courses_have_the_same_effect() {
         let (from, influence) = (courses(1.0), vec![vec![0.1, 0.2, 0.0, 0.0]]);
         let detour = vec![from[0].shifted(|frame| [0.0, 0.5, 0.7, 0.2][frame])];
         let nearest = nearest(&from, &detour, &influence).unwrap();

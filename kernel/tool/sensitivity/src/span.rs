@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn the_shortest_span_is_found_wherever_it_lies() {
-        assert_eq!(shortest(&[0.1, -3.0, 2.0, 0.1, 1.0], 10, 0.5), Some(11..13));
+        assert_eq!(shortest(&[0.25, -3.0, 2.0, 0.25, 1.0], 10, 0.6), Some(11..13));
         assert_eq!(shortest(&[0.1, -3.0, 2.0, 0.1, 1.0], 0, 0.4), Some(1..2));
         assert_eq!(shortest(&[1.0, 1.0], 0, 1.0), Some(0..2));
         assert_eq!(shortest(&[0.0, 0.0], 0, 0.5), None);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
-use super::functions::{exp, exp_less_one, polynomial};
+use super::exponential::{exp, exp_less_one, polynomial};
 
 /// From here on, the complement of the error function is 0 for 32-bit floats.
 const FAR: f64 = 11.0;

@@ -1,6 +1,6 @@
 //! The natural logarithm, and functions that need it, in 64-bit floats.
 
-use super::functions::{exp, polynomial};
+use super::exponential::{exp, polynomial};
 
 /// Half of `log((1 + s) / (1 - s))` divided by `s`, up to `s = 1/3`, from the square of `s`: the series of the inverse hyperbolic tangent, up to
 /// its 26th power.

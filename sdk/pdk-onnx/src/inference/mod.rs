@@ -14,6 +14,7 @@ mod comparisons;
 mod convolution;
 mod elementwise;
 mod error_function;
+mod exponential;
 mod extremes;
 mod functions;
 mod lanes;

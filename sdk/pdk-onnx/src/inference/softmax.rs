@@ -3,7 +3,7 @@
 use pdk_sdk::error::Result;
 
 use super::buffer::{Buffer, Operation, single};
-use super::functions::exp;
+use super::exponential::exp;
 use super::lanes::{Lanes, Work, dispatch_wide};
 use super::logarithm::log;
 use super::sums::{PARTS, beyond, extreme, joined};

@@ -272,7 +272,7 @@ fn as_json(analysis: &Analysis, names: &[String], proof: Option<&Proof>, picture
         "side": sensitivity.side,
         "rate": rate,
         "perturbations": names.iter().zip(perturbations).enumerate().map(one).collect::<Vec<_>>(),
-        "pictures": pictures,
+        "files": pictures,
         "least": least.as_ref().map(|found| json!({
             "size": found.change.as_ref().map(|change| change.size),
             "alike": found.alike,
