@@ -1,15 +1,20 @@
 //! What of a drive decides all that follows, besides the scenario and the number of the frame: as numbers, so that a drive can be put back.
 
+use std::f64::consts::PI;
+
 use pdk_sdk::prelude::*;
 
 use crate::delay::Delay;
 use crate::vehicle::Vehicle;
 
+/// The one that begins anew after a turn.
+const HEADING: &str = "heading (rad)";
+
 /// What is saved of every drive, with the changes that show: those of position and heading move the picture by about a pixel.
 const NUMBERS: [(&str, f64); 8] = [
     ("x of the rear axle (m)", 0.05),
     ("z of the rear axle (m)", 0.05),
-    ("heading (rad)", 0.005),
+    (HEADING, 0.005),
     ("speed (m/s)", 0.1),
     ("angle of the front wheels (rad)", 0.005),
     // These follow from the others, and from the frames before.
@@ -37,11 +42,15 @@ pub struct Saved {
 impl Saved {
     /// The names of the numbers, and the changes that show.
     pub fn numbers(delay: &Delay) -> Vec<SavedNumber> {
-        let number = |(name, step): (&str, f64)| SavedNumber { name: name.to_owned(), step };
+        let number = |(name, step): (&str, f64)| {
+            let period = if name == HEADING { 2.0 * PI } else { 0.0 };
+            SavedNumber { name: name.to_owned(), step, period }
+        };
         let controls = (1..=delay.waiting().count()).flat_map(|before| {
             ["steering", "throttle"].map(|name| SavedNumber {
                 name: format!("{name} {before} before it takes effect"),
                 step: CONTROL,
+                period: 0.0,
             })
         });
         NUMBERS.into_iter().map(number).chain(controls).collect()

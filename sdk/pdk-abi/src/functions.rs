@@ -248,7 +248,7 @@ pub struct SimulatorFunctions {
         length: usize,
         error: *const Sink,
     ) -> Status,
-    /// The numbers that, with the scenario and the number of a frame, decide all that follows: a JSON list of `{"name", "step"}`, empty if the
+    /// The numbers that, with the scenario and the number of a frame, decide all that follows: a JSON list of `{"name", "step", "period"}`, empty if the
     /// simulator cannot be put back.
     pub saved_numbers:
         unsafe extern "C" fn(object: *mut c_void, numbers: *const Sink, error: *const Sink) -> Status,

@@ -23,6 +23,8 @@ const SOURCE: &str = r#"
         drive({ duration = 1, driver = "dave2_temporal", perturbations = { "fog_filter@1" } }),
         drive({ duration = 1, perturbations = { "ghosting@1" } }),
         drive({ duration = 1, perturbations = { { name = "fog_filter", level = { pulse = { level = 1, period = 0.5, duration = 0.2 } } } } }),
+        drive({ duration = 2, perturbations = { "fog_filter@1", "late_controls@3" } }),
+        drive({ perturbations = { "fog_filter@4" } }),
     } })
 "#;
 
@@ -33,7 +35,7 @@ fn record(folder: &Path) -> PathBuf {
 }
 
 fn sensitivity(record: &Path, folder: &Path, scenario: &str) -> Pdk {
-    let pdk = Pdk::new(["sensitivity", "--workers", "1"]).arg(record).args(["--scenario", scenario, "--out"]);
+    let pdk = Pdk::new(["sensitivity"]).arg(record).args(["--scenario", scenario, "--out"]);
     pdk.arg(folder.join("sensitivity"))
 }
 
@@ -80,13 +82,29 @@ fn the_least_change_is_proven_by_a_drive_that_anyone_can_repeat() {
     let record = record(folder.path());
     assert_eq!(json_lines(&record.join("scenarios.jsonl"))[0]["cause"], "time_out");
     let least = found(sensitivity(&record, folder.path(), "0").arg("--least"))["least"].clone();
-    let (size, alike) = (least["size"].as_f64().unwrap(), least["alike"].as_f64().unwrap());
-    assert!(size > 0.0 && size < alike, "{least}");
+    let (size, uniform) = (least["size"].as_f64().unwrap(), least["uniform"].as_f64().unwrap());
+    assert!(size > 0.0 && size < uniform, "{least}");
     assert_eq!(least["outcome"]["cause"], "lane_departure");
     let again = folder.path().join("again");
     Pdk::new(["run", "--out"]).arg(&again).arg(folder.path().join("sensitivity/least.lua")).succeed();
     let line = json_lines(&again.join("scenarios.jsonl")).remove(0);
     assert_eq!((&line["cause"], &line["digest"]), (&least["outcome"]["cause"], &least["outcome"]["digest"]));
+}
+
+#[test]
+fn a_level_at_the_end_of_the_scale_counts_as_any_other() {
+    let folder = temp();
+    let record = record(folder.path());
+    let found = found(sensitivity(&record, folder.path(), "7"));
+    assert_eq!(found["cause"], "lane_departure");
+    let one = &found["perturbations"][0];
+    // The whole drive, in metres for a level, is what its frames add up to.
+    let whole = one["windows"].as_array().unwrap().last().unwrap()["derivative"].as_f64().unwrap();
+    let sum: f64 = one["influence"].as_array().unwrap().iter().map(|by| by.as_f64().unwrap()).sum();
+    assert!((whole / sum - 1.0).abs() < 1e-9, "{whole} {sum}");
+    sensitivity(&record, folder.path(), "7")
+        .arg("--least")
+        .fail(1, &["--least is for drives that stay in their lane"]);
 }
 
 #[test]
@@ -97,6 +115,7 @@ fn what_has_no_derivative_is_refused_with_a_sentence() {
         ("2", "it has no perturbations"),
         ("3", "the driver `dave2_temporal` remembers earlier frames"),
         ("4", "depends on earlier frames"),
+        ("6", "the perturbation `late_controls` remembers earlier frames"),
         ("5", "give the pulse a `rest`"),
     ] {
         sensitivity(&record, folder.path(), scenario).fail(1, &[sentence]);

@@ -2,20 +2,19 @@
 
 use std::ops::Range;
 
-use pdk_components::registry::Registry;
-use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::Scenario;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::FrameBuf;
 
-use crate::least::{Found, least};
 use crate::rehearsal::{Driven, Rehearsal};
 use crate::span::shortest;
 use crate::sweep::{Sensitivity, courses, sweep};
-use crate::windows::{Window, reach, windows};
+use crate::windows::{NOTHING, Window, reach, windows};
 
 /// The share of the influence of a level that counts as most of it.
 pub const SHARE: f64 = 0.5;
+
+/// The share of an influence that the cells of the frame may be off.
+const MISSING: f64 = 0.5;
 
 /// What was found out about a drive.
 pub struct Analysis {
@@ -27,8 +26,6 @@ pub struct Analysis {
     pub sensitivity: Sensitivity,
     /// What is known of each perturbation.
     pub perturbations: Vec<OfPerturbation>,
-    /// The least change with which it leaves its lane, if that was searched for.
-    pub least: Option<Found>,
 }
 
 /// What is known of a perturbation.
@@ -44,55 +41,63 @@ pub struct OfPerturbation {
 }
 
 impl Analysis {
-    /// Differentiates a drive, which has to come out with this digest. `progress` is called for each frame, with what is being done.
+    /// Differentiates a drive. `progress` is called for each frame, with what is being done.
     ///
     /// # Errors
-    /// If the drive cannot be put back, is not the recorded one, has no error to differentiate, or a component fails.
+    /// If there is no error to differentiate, or a component fails.
     pub fn new(
-        registry: &Registry,
-        scenario: &Scenario,
-        digest: &str,
-        with_least: bool,
+        rehearsal: &mut Rehearsal<'_>,
+        driven: Driven,
         progress: &mut dyn FnMut(&'static str),
     ) -> Result<Self> {
-        if scenario.perturbations.is_empty() {
-            return Err(Error::new(
-                "it has no perturbations, so there are no levels to differentiate by; name a scenario that has",
-            ));
-        }
-        let mut rehearsal = Rehearsal::new(registry, scenario)?;
-        let mut chain = rehearsal.chain(&scenario.perturbations)?;
-        let driven = rehearsal.drive(&mut chain, &mut || progress("driving"))?;
-        Rehearsal::check_same(&driven, digest)?;
         if driven.worst().0 == 0 {
             return Err(Error::new(
-                "its cross-track error is largest at its start, where no level has had an effect yet",
+                "its cross-track error is largest at its start, where no level has had an effect yet; name a drive that starts nearer to the middle of \
+                 its lane",
             ));
         }
-        let courses = courses(&rehearsal)?;
-        let sensitivity = sweep(&mut rehearsal, &courses, &driven, &mut || progress("going back"))?;
+        let courses = courses(rehearsal)?;
+        let sensitivity = sweep(rehearsal, &courses, &driven, &mut || progress("going back"))?;
         let mut perturbations = Vec::new();
-        for place in 0..courses.len() {
-            let windows = windows(&mut rehearsal, &driven, &sensitivity, place, &mut || {
-                progress("checking by drives")
-            })?;
-            perturbations.push(OfPerturbation::new(&mut rehearsal, &driven, &sensitivity, place, windows)?);
+        for number in 0..courses.len() {
+            let check = &mut || progress("checking by drives");
+            let windows = windows(rehearsal, &driven, &sensitivity, number, check)?;
+            perturbations.push(OfPerturbation::new(rehearsal, &driven, &sensitivity, number, windows)?);
         }
-        let least = match with_least {
-            true => Some(least(&mut rehearsal, &driven, &sensitivity, &mut || progress("searching"))?),
-            false => None,
-        };
         let rate = rehearsal.camera().rate;
-        Ok(Self { driven, rate, sensitivity, perturbations, least })
+        Ok(Self { driven, rate, sensitivity, perturbations })
     }
 
-    /// The scenario on other courses.
-    pub fn with_courses(&self, scenario: &Scenario, courses: &[crate::course::Course]) -> Scenario {
-        let applied = courses.iter().zip(&scenario.perturbations);
-        let perturbations: Vec<AppliedPerturbation> =
-            applied.map(|(course, applied)| course.apply(applied)).collect();
-        Scenario { perturbations, ..scenario.clone() }
+    /// How the influence of a perturbation in its decisive span is spread over the cells of the frame, row by row. None if it is not known, or if the
+    /// cells do not add up to it: what comes through the throttle, or through a control that is changed on its way, has no place in the frames.
+    pub fn cells(&self, number: usize) -> Option<Vec<f64>> {
+        let span = self.perturbations[number].decides.clone()?;
+        let cells = self.sensitivity.regions.as_ref().ok()?[number].over(span.clone());
+        let of_cells: f64 = cells.iter().sum();
+        let all: f64 = self.sensitivity.influence[number][span].iter().sum();
+        ((of_cells - all).abs() <= MISSING * all.abs()).then_some(cells)
     }
+}
+
+/// Drives a recorded scenario.
+///
+/// # Errors
+/// If it has no perturbations, a component fails, or the drive comes out with another digest than this.
+pub fn driven(
+    rehearsal: &mut Rehearsal<'_>,
+    digest: &str,
+    progress: &mut dyn FnMut(&'static str),
+) -> Result<Driven> {
+    let perturbations = rehearsal.scenario().perturbations.clone();
+    if perturbations.is_empty() {
+        return Err(Error::new(
+            "it has no perturbations, so there are no levels to differentiate by; name a scenario that has",
+        ));
+    }
+    let mut chain = rehearsal.chain(&perturbations)?;
+    let driven = rehearsal.drive(&mut chain, &mut || progress("driving"))?;
+    Rehearsal::check_same(&driven, digest)?;
+    Ok(driven)
 }
 
 impl OfPerturbation {
@@ -100,20 +105,22 @@ impl OfPerturbation {
         rehearsal: &mut Rehearsal<'_>,
         driven: &Driven,
         sensitivity: &Sensitivity,
-        place: usize,
+        number: usize,
         windows: Vec<Window>,
     ) -> Result<Self> {
         let worst = sensitivity.worst;
         let holds = worst - reach(&windows, worst)..worst;
-        let influence = &sensitivity.influence[place][holds.clone()];
-        let decides = shortest(influence, holds.start, SHARE);
-        let strongest = decides.clone().and_then(|span| {
-            let size = |frame: &usize| sensitivity.influence[place][*frame].abs();
-            span.max_by(|a, b| size(a).total_cmp(&size(b)))
-        });
-        let frame = match strongest {
-            Some(frame) => {
-                let place = &driven.places[frame];
+        let influence = &sensitivity.influence[number];
+        let all: f64 = influence[holds.clone()].iter().map(|by| by.abs()).sum();
+        let decides = match all < NOTHING {
+            true => None,
+            false => shortest(&influence[holds.clone()], holds.start, SHARE),
+        };
+        let strongest = decides
+            .clone()
+            .and_then(|span| span.max_by(|a, b| influence[*a].abs().total_cmp(&influence[*b].abs())));
+        let frame = match strongest.map(|frame| &driven.places[frame]) {
+            Some(place) => {
                 rehearsal.restore(place.frame, &place.saved)?;
                 rehearsal.render(place)?;
                 Some(rehearsal.raw().clone())

@@ -4,6 +4,9 @@ use pdk_model::level::{FrameLevels, Level, MAX_INTENSITY};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Result};
 
+/// By how much levels are changed to see what follows. Less drowns in the rounding of frames to 8 bits.
+pub const STEP: f64 = 0.25;
+
 /// The levels of a perturbation at the frames of a drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Course {
@@ -44,11 +47,21 @@ impl Course {
         self.shifted(|frame| share * (other.levels[frame] - self.levels[frame]))
     }
 
+    /// The course a [`STEP`] lower and a [`STEP`] higher, as far as there are levels.
+    pub fn beside(&self) -> [Self; 2] {
+        [-STEP, STEP].map(|by| self.shifted(|_| by))
+    }
+
     /// The perturbation on this course.
     pub fn apply(&self, applied: &AppliedPerturbation) -> AppliedPerturbation {
         let frames = FrameLevels { rate: self.rate, levels: self.levels.clone() };
         AppliedPerturbation { level: Level::Frames { frames }, ..applied.clone() }
     }
+}
+
+/// The perturbations of a scenario on these courses.
+pub fn on_courses(perturbations: &[AppliedPerturbation], courses: &[Course]) -> Vec<AppliedPerturbation> {
+    courses.iter().zip(perturbations).map(|(course, applied)| course.apply(applied)).collect()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The least change of a course with which a drive leaves its lane.
+//! The smallest change of a course with which a drive leaves its lane, as far as the derivative finds it.
 //!
 //! The derivative says in which direction the error grows fastest. A step in that direction is driven, the derivative is taken again where it led
 //! to, and so on until the drive leaves its lane; then the change is made smaller: along itself by halves, and by going to the nearest point at which
@@ -9,7 +9,7 @@ use pdk_model::level::MAX_INTENSITY;
 use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Error, Result};
 
-use crate::course::Course;
+use crate::course::{Course, on_courses};
 use crate::rehearsal::{Driven, Rehearsal};
 use crate::sweep::{Sensitivity, sweep};
 
@@ -23,56 +23,64 @@ const ENOUGH: f64 = 0.2;
 const AS_PREDICTED: f64 = 0.6;
 /// How far beyond the nearest courses by the derivative it is looked, since the edge is not exactly where that says.
 const BEYOND: f64 = 1.3;
+/// A step that makes the error larger by less than this many metres is none.
+const LEAST_GAIN: f64 = 1e-3;
 /// How many steps are taken at most, and how often a change is made smaller.
 const STEPS: usize = 25;
 const ROUNDS: usize = 3;
 /// How often a change is halved to find where the drive begins to leave its lane.
 const HALVINGS: usize = 7;
 
-/// A change of the courses of all perturbations, and the drive with it.
-#[derive(Clone)]
+/// A change of the courses of all perturbations with which the drive leaves its lane.
 pub struct Change {
     /// The courses.
     pub courses: Vec<Course>,
-    /// How far they are from those before, as the root of the mean square over frames and perturbations, in levels.
+    /// How far they are from those before, in levels: the root of the mean square over perturbations and the frames of the changed drive.
     pub size: f64,
 }
 
 /// What was found.
 pub struct Found {
-    /// The least change by the derivative; none if no step led anywhere.
+    /// The smallest change by the derivative; none if no step led out of the lane.
     pub change: Option<Change>,
-    /// How much higher the levels have to be if all are raised alike; none if the drive stays in its lane even at the highest.
-    pub alike: Option<f64>,
-    /// How many drives it took, without those for `alike`.
+    /// The smallest uniform increase of all levels with which the drive leaves its lane; none if it stays in it at each quarter of a level that was tried.
+    pub uniform: Option<f64>,
+    /// How many drives it took.
     pub drives: usize,
     /// How many times the derivative was taken.
     pub sweeps: usize,
 }
 
-/// Searches for the least change.
+/// Checks that there is a change to search for.
 ///
 /// # Errors
-/// If the drive did not stay in its lane to the end, or a component fails.
+/// If the drive did not stay in its lane to the end.
+pub fn check_stayed(driven: &Driven) -> Result<()> {
+    match driven.cause {
+        Cause::Finished | Cause::TimeOut => Ok(()),
+        cause => Err(Error::new(format!(
+            "it ended with {}, but --least is for drives that stay in their lane to the end; name one at a lower level, or leave --least out",
+            cause.text()
+        ))),
+    }
+}
+
+/// Searches for the smallest change of a drive for which [`check_stayed`] holds.
+///
+/// # Errors
+/// If a component fails.
 pub fn least(
     rehearsal: &mut Rehearsal<'_>,
     driven: &Driven,
     sensitivity: &Sensitivity,
     frame_done: &mut dyn FnMut(),
 ) -> Result<Found> {
-    if !matches!(driven.cause, Cause::Finished | Cause::TimeOut) {
-        return Err(Error::new(format!(
-            "it ended with {}, and the least change is searched for drives that stay in their lane to the end; name one at a lower level",
-            driven.cause.text()
-        )));
-    }
     let original = sensitivity.courses.clone();
     let mut search = Search { rehearsal, original, drives: 0, sweeps: 0, frame_done };
     let change = search.leave(driven, sensitivity)?;
     let change = change.map(|(left, stayed)| search.shrink(left, &stayed)).transpose()?;
-    let (drives, sweeps) = (search.drives, search.sweeps);
-    let alike = search.alike()?;
-    Ok(Found { change, alike, drives, sweeps })
+    let uniform = search.uniform()?;
+    Ok(Found { change, uniform, drives: search.drives, sweeps: search.sweeps })
 }
 
 struct Search<'a, 'b> {
@@ -86,9 +94,7 @@ struct Search<'a, 'b> {
 impl Search<'_, '_> {
     fn drive(&mut self, courses: &[Course]) -> Result<Driven> {
         self.drives += 1;
-        let applied = self.rehearsal.scenario().perturbations.clone();
-        let applied: Vec<_> =
-            courses.iter().zip(&applied).map(|(course, applied)| course.apply(applied)).collect();
+        let applied = on_courses(&self.rehearsal.scenario().perturbations, courses);
         let mut chain = self.rehearsal.chain(&applied)?;
         self.rehearsal.drive(&mut chain, self.frame_done)
     }
@@ -102,12 +108,14 @@ impl Search<'_, '_> {
         sweep(self.rehearsal, courses, driven, self.frame_done)
     }
 
-    fn size(&self, courses: &[Course]) -> f64 {
+    /// How far courses are from the original ones over this many frames, as the root of the mean square.
+    fn size(&self, courses: &[Course], frames: usize) -> f64 {
         let squares = |(course, original): (&Course, &Course)| -> f64 {
-            course.levels().iter().zip(original.levels()).map(|(a, b)| (a - b) * (a - b)).sum()
+            let levels = course.levels().iter().zip(original.levels()).take(frames);
+            levels.map(|(a, b)| (a - b) * (a - b)).sum()
         };
-        let count: usize = courses.iter().map(|course| course.levels().len()).sum();
-        (courses.iter().zip(&self.original).map(squares).sum::<f64>() / count.max(1) as f64).sqrt()
+        let count = courses.len() * frames.max(1);
+        (courses.iter().zip(&self.original).map(squares).sum::<f64>() / count as f64).sqrt()
     }
 
     /// Steps until the drive leaves its lane; the courses with which it does, and those one step before.
@@ -143,7 +151,7 @@ impl Search<'_, '_> {
 
     /// Makes a change smaller.
     fn shrink(&mut self, left_with: Vec<Course>, stayed_with: &[Course]) -> Result<Change> {
-        let original = self.original.clone();
+        let (original, all) = (self.original.clone(), self.rehearsal.frames());
         let mut best = self.between(stayed_with, &left_with)?;
         best = self.between(&original, &best)?;
         for _ in 0..ROUNDS {
@@ -157,16 +165,17 @@ impl Search<'_, '_> {
             let found = self.sweep(&near, &driven)?;
             let Some(nearest) = nearest(&original, &best, &found.influence) else { break };
             let beyond = towards(&original, &nearest, BEYOND);
-            if self.size(&beyond) >= BEYOND * self.size(&best) || !self.leaves(&beyond)? {
+            if self.size(&beyond, all) >= BEYOND * self.size(&best, all) || !self.leaves(&beyond)? {
                 break;
             }
             let smaller = self.between(&original, &beyond)?;
-            if self.size(&smaller) >= 0.99 * self.size(&best) {
+            if self.size(&smaller, all) >= 0.99 * self.size(&best, all) {
                 break;
             }
             best = smaller;
         }
-        Ok(Change { size: self.size(&best), courses: best })
+        let frames = self.drive(&best)?.places.len();
+        Ok(Change { size: self.size(&best, frames), courses: best })
     }
 
     /// Between courses with which the drive stays in its lane and others with which it leaves it, those nearest to the former with which it leaves.
@@ -182,24 +191,33 @@ impl Search<'_, '_> {
         Ok(towards(stays, leaves, high))
     }
 
-    /// How much higher the levels have to be if all are raised alike, to a hundredth of a level.
-    fn alike(&mut self) -> Result<Option<f64>> {
+    /// The smallest uniform increase: the first quarter of a level with which the drive leaves its lane, and from there to a hundredth.
+    fn uniform(&mut self) -> Result<Option<f64>> {
+        const QUARTER: f64 = 0.25;
+        let original = self.original.clone();
+        let lowest =
+            original.iter().flat_map(|course| course.levels()).copied().fold(MAX_INTENSITY, f64::min);
         let mut leaves = |by: f64| {
-            let raised: Vec<Course> = self.original.iter().map(|course| course.shifted(|_| by)).collect();
+            let raised: Vec<Course> = original.iter().map(|course| course.shifted(|_| by)).collect();
             self.leaves(&raised)
         };
-        let (mut low, mut high) = (0.0, MAX_INTENSITY);
-        if !leaves(high)? {
-            return Ok(None);
-        }
-        while high - low > 0.01 {
-            let middle = (low + high) / 2.0;
-            match leaves(middle)? {
-                true => high = middle,
-                false => low = middle,
+        let quarters = ((MAX_INTENSITY - lowest) / QUARTER).ceil() as u32;
+        for quarter in 1..=quarters {
+            let mut high = QUARTER * f64::from(quarter);
+            if !leaves(high)? {
+                continue;
             }
+            let mut low = high - QUARTER;
+            while high - low > 0.01 {
+                let middle = (low + high) / 2.0;
+                match leaves(middle)? {
+                    true => high = middle,
+                    false => low = middle,
+                }
+            }
+            return Ok(Some(high));
         }
-        Ok(Some(high))
+        Ok(None)
     }
 }
 
@@ -230,16 +248,27 @@ fn stepped(courses: &[Course], influence: &[Vec<f64>], metres: f64) -> Option<Ve
     if squares == 0.0 {
         return None;
     }
-    // More than it takes without ends of levels, until the ends leave nothing.
-    let mut length = metres / squares;
-    let mut best = at(length);
-    let mut last = 0.0;
-    while best.1.abs() < 0.99 * metres.abs() && best.1.abs() > 1.01 * last {
-        last = best.1.abs();
-        length *= 1.5;
-        best = at(length);
+    // More than it takes without ends of levels, until it is enough or the ends leave nothing.
+    let (mut short, mut length) = (0.0, metres / squares);
+    let mut gained = at(length).1.abs();
+    while gained < metres.abs() {
+        (short, length) = (length, 1.5 * length);
+        let more = at(length).1.abs();
+        if more <= 1.001 * gained {
+            break;
+        }
+        gained = more;
     }
-    (best.1.abs() > 1e-3).then_some(best.0)
+    // And no more than that.
+    for _ in 0..20 {
+        let middle = (short + length) / 2.0;
+        match at(middle).1.abs() < metres.abs() {
+            true => short = middle,
+            false => length = middle,
+        }
+    }
+    let (changed, gained) = at(length);
+    (gained.abs() > LEAST_GAIN).then_some(changed)
 }
 
 /// The nearest courses to the original ones at which the error is by the derivative what it is at `left_with`.

@@ -63,7 +63,13 @@ fn draw(
         .map(|(frame, place)| (time(frame), place.state.cross_track_error))
         .collect();
     let most = errors.iter().map(|(_, error)| error.abs()).fold(0.1, f64::max);
-    let mut chart = panel(&panels[0], end, (-1.1 * most, 1.1 * most), "cross-track error (m)", "")?;
+    let mut chart = panel(
+        &panels[0],
+        end,
+        (-1.1 * most, 1.1 * most),
+        ["cross-track error (m)", ""],
+        "red line: the largest error",
+    )?;
     chart.draw_series(LineSeries::new(errors, DRIVEN.stroke_width(3)))?;
     let worst = time(sensitivity.worst);
     let mark = [(worst, -1.1 * most), (worst, 1.1 * most)];
@@ -73,7 +79,17 @@ fn draw(
         let levels = course.levels().iter().take(driven.places.len());
         levels.enumerate().map(|(frame, level)| (time(frame), *level)).collect()
     };
-    let mut chart = panel(&panels[1], end, (-0.1, 4.1), "level", "")?;
+    let mut chart = panel(
+        &panels[1],
+        end,
+        (-0.1, 4.1),
+        ["level", ""],
+        if changed.is_some() {
+            "orange: the smallest change found with which the vehicle leaves its lane"
+        } else {
+            ""
+        },
+    )?;
     let own = course(&sensitivity.courses[perturbation]);
     chart.draw_series(LineSeries::new(own, DRIVEN.stroke_width(3)))?;
     if let Some(changed) = changed {
@@ -84,7 +100,13 @@ fn draw(
     let influence = || sensitivity.influence[perturbation].iter().map(|by| by * rate);
     let most = influence().map(f64::abs).fold(1e-6, f64::max);
     let range = (-1.1 * most, 1.1 * most);
-    let mut chart = panel(&panels[2], end, range, "m for a level and second", "simulation time (s)")?;
+    let mut chart = panel(
+        &panels[2],
+        end,
+        range,
+        ["m per level per second", "simulation time (s)"],
+        "how the largest error changes with the level at each time",
+    )?;
     let bars = influence().enumerate().map(|(frame, by)| {
         let color = if by > 0.0 { MORE } else { LESS };
         Rectangle::new([(time(frame), 0.0), (time(frame + 1), by)], color.mix(0.75).filled())
@@ -106,14 +128,15 @@ fn panel<'a, 'b>(
     area: &'a DrawingArea<SVGBackend<'b>, plotters::coord::Shift>,
     end: f64,
     (bottom, top): (f64, f64),
-    y: &str,
-    x: &str,
+    [y, x]: [&str; 2],
+    caption: &str,
 ) -> Result<Panel<'a, 'b>, Box<dyn std::error::Error>>
 where
     'b: 'a,
 {
     let mut chart = ChartBuilder::on(area)
-        .margin_top(10)
+        .caption(caption, ("sans-serif", TEXT))
+        .margin_top(6)
         .margin_left(8)
         .margin_right(24)
         .x_label_area_size(if x.is_empty() { 32 } else { 62 })

@@ -4,7 +4,7 @@
 use pdk_sdk::error::{ErrorKind, Result};
 use pdk_sdk::prelude::FrameBuf;
 
-use crate::rehearsal::{Place, Rehearsal};
+use crate::rehearsal::{Decision, Place, Rehearsal};
 
 /// Cells from left to right and from top to bottom.
 pub const COLUMNS: usize = 32;
@@ -26,14 +26,14 @@ impl Regions {
     }
 }
 
-/// What gathers regions on the way back.
-pub struct Picture {
+/// The regions as they are gathered on the way back.
+pub struct Gathered {
     gradient: Vec<f32>,
     low: FrameBuf,
     regions: Result<Vec<Regions>, String>,
 }
 
-impl Picture {
+impl Gathered {
     /// For this many perturbations and frames.
     pub fn new(rehearsal: &Rehearsal<'_>, perturbations: usize, frames: usize) -> Self {
         let frame = rehearsal.raw().clone();
@@ -49,11 +49,16 @@ impl Picture {
     ///
     /// # Errors
     /// If the driver panicked.
-    pub fn differentiate(&mut self, rehearsal: &mut Rehearsal<'_>, place: &Place) -> Result<()> {
+    pub fn differentiate(
+        &mut self,
+        rehearsal: &mut Rehearsal<'_>,
+        place: &Place,
+        decision: &Decision,
+    ) -> Result<()> {
         if self.regions.is_err() {
             return Ok(());
         }
-        match rehearsal.gradient(place, &mut self.gradient) {
+        match rehearsal.gradient(place, decision, &mut self.gradient) {
             Ok(_) => Ok(()),
             Err(error) if error.kind() == ErrorKind::Panic => Err(error),
             Err(error) => {
@@ -87,7 +92,7 @@ impl Picture {
     }
 
     /// What was gathered.
-    pub fn regions(self) -> Result<Vec<Regions>, String> {
+    pub fn all(self) -> Result<Vec<Regions>, String> {
         self.regions
     }
 }

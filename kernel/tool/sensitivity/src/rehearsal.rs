@@ -17,6 +17,7 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{
     Annotations, Camera, Control, DriveContext, Driver, FrameBuf, SavedNumber, Simulator, State,
 };
+use pdk_sdk::signals::Numbers;
 use pdk_supervise::calls::Function;
 use twox_hash::XxHash3_64;
 
@@ -51,6 +52,8 @@ pub struct Decision {
     pub control: Control,
     /// The control as it was applied.
     pub applied: Control,
+    /// What the driver got besides the frame, if a perturbation acts on that.
+    pub observed: Option<Numbers>,
     /// Hash of the frame that the driver saw.
     pub frame_hash: u64,
 }
@@ -160,6 +163,16 @@ impl<'a> Rehearsal<'a> {
     /// About this many frames the scenario has at most.
     pub fn frames(&self) -> usize {
         expected_frames(&self.scenario, self.camera.rate) as usize
+    }
+
+    /// The names of the scenario's perturbations that act on this.
+    pub fn acting_on(&self, what: ActsOn) -> Vec<String> {
+        let acts = |name: &&String| {
+            let entry = self.registry.catalog().get(Kind::Perturbation, name);
+            entry.is_ok_and(|entry| entry.description.acts_on == what)
+        };
+        let names = self.scenario.perturbations.iter().map(|applied| &applied.name);
+        names.filter(acts).map(|name| format!("`{name}`")).collect()
     }
 
     /// What the simulator saves.
@@ -285,7 +298,7 @@ impl<'a> Rehearsal<'a> {
             .call(Function::Drive, Some(frame), |driver| driver.drive(perturbed.as_ref(), &cx)?.checked())?;
         let applied = chain.pass(ActsOn::Control, control.numbers(), &moment)?.map(Control::from_numbers);
         let frame_hash = XxHash3_64::oneshot(perturbed.as_ref().data());
-        Ok(Decision { control, applied: applied.unwrap_or(control), frame_hash })
+        Ok(Decision { control, applied: applied.unwrap_or(control), observed, frame_hash })
     }
 
     /// The same for a driver that has seen nothing yet.
@@ -301,9 +314,10 @@ impl<'a> Rehearsal<'a> {
     ///
     /// # Errors
     /// If the driver cannot say.
-    pub fn gradient(&mut self, place: &Place, into: &mut [f32]) -> Result<f64> {
+    pub fn gradient(&mut self, place: &Place, decision: &Decision, into: &mut [f32]) -> Result<f64> {
         let Self { driver, perturbed, .. } = self;
         let State { time, speed, .. } = place.state;
+        let [time, speed] = decision.observed.unwrap_or([time, speed]);
         let cx = DriveContext { frame_index: place.frame, time, speed };
         driver.call(Function::Gradient, Some(place.frame), |driver| {
             driver.gradient(perturbed.as_ref(), &cx, into)

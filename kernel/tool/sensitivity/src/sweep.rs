@@ -2,15 +2,14 @@
 
 use pdk_chain::chain::Chain;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::describe::ActsOn;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};
 
-use crate::course::Course;
-use crate::regions::{Picture, Regions};
+use crate::course::{Course, on_courses};
+use crate::regions::{Gathered, Regions};
 use crate::rehearsal::{Decision, Driven, Place, Rehearsal};
 
-/// By how much levels are changed to see what follows.
-pub const STEP_OF_LEVEL: f64 = 0.25;
 /// By how much controls are changed.
 const STEP_OF_CONTROL: f64 = 1e-4;
 /// The part of a number's step by which the next state is differentiated, which is computed with 64 bits; a camera's frame needs all of the step.
@@ -27,8 +26,6 @@ pub struct Sensitivity {
     pub side: f64,
     /// For each perturbation of the scenario, metres for one level at each frame before the worst.
     pub influence: Vec<Vec<f64>>,
-    /// The same for where the vehicle starts: metres for one unit of each number that the simulator saves.
-    pub start: Vec<f64>,
     /// The courses of the perturbations.
     pub courses: Vec<Course>,
     /// Where in the frames it comes from, for each perturbation; or why that is not known.
@@ -49,7 +46,7 @@ impl Variant {
         place: usize,
         course: &Course,
     ) -> Result<Self> {
-        let courses = [-STEP_OF_LEVEL, STEP_OF_LEVEL].map(|by| course.shifted(|_| by));
+        let courses = course.beside();
         let chain = |course: &Course| {
             let mut changed = perturbations.to_vec();
             changed[place] = course.apply(&perturbations[place]);
@@ -85,8 +82,7 @@ pub fn sweep(
     driven: &Driven,
     frame_done: &mut dyn FnMut(),
 ) -> Result<Sensitivity> {
-    let applied = rehearsal.scenario().perturbations.iter();
-    let perturbations: Vec<_> = courses.iter().zip(applied).map(|(course, one)| course.apply(one)).collect();
+    let perturbations = on_courses(&rehearsal.scenario().perturbations, courses);
     let (worst, error) = driven.worst();
     let mut chain = rehearsal.chain(&perturbations)?;
     let mut variants = courses
@@ -95,46 +91,53 @@ pub fn sweep(
         .map(|(place, course)| Variant::new(rehearsal, &perturbations, place, course))
         .collect::<Result<Vec<_>>>()?;
     let mut influence = vec![vec![0.0; worst]; perturbations.len()];
-    let mut back = Back::of_error(rehearsal, &driven.places[worst])?;
-    let mut picture = Picture::new(rehearsal, courses.len(), worst);
+    let mut adjoint = Adjoint::of_error(rehearsal, &driven.places[worst])?;
+    let mut regions = Gathered::new(rehearsal, courses.len(), worst);
     for frame in (0..worst).rev() {
         let (place, decision) = (&driven.places[frame], &driven.decisions[frame]);
         rehearsal.restore(place.frame, &place.saved)?;
         let state = rehearsal.render(place)?;
         let again = rehearsal.decide_alone(&mut chain, place)?;
         if again != *decision || state != place.state {
-            return Err(not_alone(rehearsal, frame, again.frame_hash == decision.frame_hash));
+            return Err(not_alone(rehearsal, place, decision, &again));
         }
-        picture.differentiate(rehearsal, place)?;
-        let of_control = back.of_control(rehearsal, place, decision)?;
+        regions.differentiate(rehearsal, place, &again)?;
+        let of_control = adjoint.of_control(rehearsal, place, decision)?;
         rehearsal.restore(place.frame, &place.saved)?;
         rehearsal.render(place)?;
         for (number, (variant, influence)) in variants.iter_mut().zip(&mut influence).enumerate() {
             let distance = variant.distance(frame);
             let [low, high] = &mut variant.chains;
             let low = rehearsal.decide_alone(low, place)?.applied;
-            picture.keep(rehearsal);
+            regions.keep(rehearsal);
             let high = rehearsal.decide_alone(high, place)?.applied;
             influence[frame] = of_control.of(low, high) / distance;
-            picture.add(rehearsal, number, frame, of_control.of_steering() / distance);
+            regions.add(rehearsal, number, frame, of_control.of_steering() / distance);
         }
-        back.step(rehearsal, &mut chain, place, decision, of_control)?;
+        adjoint.step(rehearsal, &mut chain, place, decision, of_control)?;
         frame_done();
     }
     let side = driven.places[worst].state.cross_track_error.signum();
-    let (courses, regions) = (courses.to_vec(), picture.regions());
-    Ok(Sensitivity { worst, error, side, influence, start: back.0, courses, regions })
+    let (courses, regions) = (courses.to_vec(), regions.all());
+    Ok(Sensitivity { worst, error, side, influence, courses, regions })
 }
 
 /// The error if what happens at a frame does not follow from that frame alone.
-fn not_alone(rehearsal: &Rehearsal<'_>, frame: usize, same_picture: bool) -> Error {
-    let who = match same_picture {
-        true => format!("the driver `{}` remembers earlier frames", rehearsal.scenario().driver.name),
-        false => "what is done to the frame depends on earlier ones".to_owned(),
+fn not_alone(rehearsal: &Rehearsal<'_>, place: &Place, driven: &Decision, again: &Decision) -> Error {
+    let named = |what: ActsOn| format!("the perturbation {}", rehearsal.acting_on(what).join(" or "));
+    let who = if driven.frame_hash != again.frame_hash {
+        named(ActsOn::Frame)
+    } else if driven.observed != again.observed {
+        named(ActsOn::Observation)
+    } else if driven.control != again.control {
+        format!("the driver `{}`", rehearsal.scenario().driver.name)
+    } else {
+        named(ActsOn::Control)
     };
     Error::new(format!(
-        "frame {frame} comes out differently if it is looked at by itself: {who}; the derivative of a drive is for drives in which every frame counts \
-         for itself"
+        "{who} remembers earlier frames: the frame at {:.2} s comes out differently if it is looked at by itself; the derivative of a drive is for \
+         drives in which every frame counts for itself",
+        place.state.time
     ))
 }
 
@@ -156,27 +159,38 @@ impl OfControl {
 }
 
 /// How the error changes with each number that the simulator saves, at some frame.
-struct Back(Vec<f64>);
+struct Adjoint {
+    /// Metres for one unit of each number.
+    by: Vec<f64>,
+    /// The periods of the numbers that are angles; 0 for others.
+    periods: Vec<f64>,
+}
 
-impl Back {
+impl Adjoint {
     /// At the frame of the error itself.
     fn of_error(rehearsal: &mut Rehearsal<'_>, place: &Place) -> Result<Self> {
         let sign = place.state.cross_track_error.signum();
-        let mut back = vec![0.0; place.saved.len()];
+        let mut by = vec![0.0; place.saved.len()];
         for number in varied(rehearsal) {
             let step = number.step * PART_FOR_MOTION;
-            let mut at = |by: f64| -> Result<State> {
-                rehearsal.restore(place.frame, &moved(&place.saved, number.place, by))
+            let mut at = |step: f64| -> Result<State> {
+                rehearsal.restore(place.frame, &moved(&place.saved, number.place, step))
             };
             let (low, high) = (at(-step)?, at(step)?);
-            back[number.place] = sign * (high.cross_track_error - low.cross_track_error) / (2.0 * step);
+            by[number.place] = sign * (high.cross_track_error - low.cross_track_error) / (2.0 * step);
         }
-        Ok(Self(back))
+        let periods = rehearsal.numbers().iter().map(|number| number.period).collect();
+        Ok(Self { by, periods })
     }
 
     /// What this comes to for numbers of the next frame that are so far apart.
     fn of(&self, low: &[f64], high: &[f64]) -> f64 {
-        self.0.iter().zip(low).zip(high).map(|((by, low), high)| by * (high - low)).sum()
+        let numbers = low.iter().zip(high).zip(&self.periods);
+        let apart = numbers.map(|((low, high), period)| match high - low {
+            apart if *period > 0.0 => apart - period * (apart / period).round(),
+            apart => apart,
+        });
+        self.by.iter().zip(apart).map(|(by, apart)| by * apart).sum()
     }
 
     /// How the error changes with the control at the frame before.
@@ -212,7 +226,7 @@ impl Back {
         rehearsal.restore(place.frame, &place.saved)?;
         rehearsal.render(place)?;
         let raw = rehearsal.raw().clone();
-        let mut before = vec![0.0; self.0.len()];
+        let mut before = vec![0.0; self.by.len()];
         for number in varied(rehearsal) {
             let step = number.step * PART_FOR_MOTION;
             let mut at = |by: f64| -> Result<Vec<f64>> {
@@ -231,7 +245,7 @@ impl Back {
             let [low, high] = [low, high].map(|control| control.unwrap_or(decision.applied));
             before[number.place] = by_motion + of_control.of(low, high) / (2.0 * number.step);
         }
-        self.0 = before;
+        self.by = before;
         Ok(())
     }
 }

@@ -2,8 +2,9 @@
 
 use pdk_sdk::error::Result;
 
+use crate::course::{Course, on_courses};
 use crate::rehearsal::{Driven, Place, Rehearsal};
-use crate::sweep::{STEP_OF_LEVEL, Sensitivity};
+use crate::sweep::Sensitivity;
 
 /// How long the shortest window is, in seconds; each one is twice as long as the one before.
 const SHORTEST: f64 = 0.5;
@@ -49,19 +50,19 @@ pub fn windows(
     let mut length = (SHORTEST * rate).round().max(1.0) as usize;
     while windows.last().is_none_or(|last| last.from > 0) && worst > 0 {
         let from = worst.saturating_sub(length);
-        let mut error = |by: f64| {
-            from_frame(rehearsal, &driven.places[from], (sensitivity, perturbation), by, frame_done)
+        let [lower, higher] = sensitivity.courses[perturbation].beside();
+        let mut error = |course: &Course| {
+            let mut courses = sensitivity.courses.clone();
+            courses[perturbation] = course.clone();
+            from_frame(rehearsal, &driven.places[from], &courses, sensitivity, frame_done)
         };
-        let (low, high) = (error(-STEP_OF_LEVEL)?, error(STEP_OF_LEVEL)?);
-        // Levels that cannot go lower or higher are changed by less.
-        let course = &sensitivity.courses[perturbation];
-        let [lower, higher] = [-STEP_OF_LEVEL, STEP_OF_LEVEL].map(|by| course.shifted(|_| by));
+        let by_drives = error(&higher)? - error(&lower)?;
+        // Levels at an end of the scale are changed to one side alone.
+        let apart = |frame: usize| higher.levels()[frame] - lower.levels()[frame];
         let influence = &sensitivity.influence[perturbation];
-        let predicted: f64 = (from..worst)
-            .map(|frame| influence[frame] * (higher.levels()[frame] - lower.levels()[frame]))
-            .sum();
-        let unit = 2.0 * STEP_OF_LEVEL;
-        windows.push(Window { from, predicted: predicted / unit, driven: (high - low) / unit });
+        let by_derivative: f64 = (from..worst).map(|frame| influence[frame] * apart(frame)).sum();
+        let levels = (from..worst).map(apart).sum::<f64>() / (worst - from) as f64;
+        windows.push(Window { from, predicted: by_derivative / levels, driven: by_drives / levels });
         length *= 2;
     }
     Ok(windows)
@@ -72,18 +73,16 @@ pub fn reach(windows: &[Window], worst: usize) -> usize {
     windows.iter().take_while(|window| window.agrees()).last().map_or(0, |window| worst - window.from)
 }
 
-/// The cross-track error at the worst frame, towards its side, of a drive that begins at a frame with the levels of a perturbation changed.
+/// The cross-track error at the frame of the largest one, towards its side, of a drive that begins at a frame and has these courses. It is driven on also if it
+/// left its lane before.
 fn from_frame(
     rehearsal: &mut Rehearsal<'_>,
     start: &Place,
-    (sensitivity, perturbation): (&Sensitivity, usize),
-    by: f64,
+    courses: &[Course],
+    sensitivity: &Sensitivity,
     frame_done: &mut dyn FnMut(),
 ) -> Result<f64> {
-    let mut perturbations = rehearsal.scenario().perturbations.clone();
-    let course = sensitivity.courses[perturbation].shifted(|_| by);
-    perturbations[perturbation] = course.apply(&perturbations[perturbation]);
-    let mut chain = rehearsal.chain(&perturbations)?;
+    let mut chain = rehearsal.chain(&on_courses(&rehearsal.scenario().perturbations, courses))?;
     rehearsal.restore(start.frame, &start.saved)?;
     let mut place = start.clone();
     for _ in start.frame..sensitivity.worst as u64 {

@@ -38,6 +38,9 @@ pub struct SavedNumber {
     /// A small change of it that shows in what follows, by which differences are taken; 0 if it is not to be changed by itself, because it
     /// follows from the others.
     pub step: f64,
+    /// If it is an angle that begins anew after a turn, how much a turn is; 0 if not.
+    #[serde(default)]
+    pub period: f64,
 }
 
 /// Renders what the ego vehicle's camera sees and moves the vehicle.

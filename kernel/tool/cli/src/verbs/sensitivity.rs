@@ -3,9 +3,10 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use indicatif::ProgressBar;
 use pdk_components::registry::Registry;
 use pdk_lua::LuaScripts;
-use pdk_model::outcome::Outcome;
+use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Scenario;
 use pdk_notice::{eprintln, println};
 use pdk_preview::picture::to_frame;
@@ -13,16 +14,21 @@ use pdk_replay::drives;
 use pdk_replay::replay::Replay;
 use pdk_replay::shrink::script;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sensitivity::analysis::{Analysis, OfPerturbation, SHARE};
+use pdk_sensitivity::analysis::{self, Analysis, OfPerturbation, SHARE};
+use pdk_sensitivity::course::{Course, STEP, on_courses};
+use pdk_sensitivity::least::{self, Found, check_stayed};
 use pdk_sensitivity::plot;
+use pdk_sensitivity::rehearsal::Rehearsal;
+use pdk_session::connection::Pool;
+use pdk_session::session::Session;
+use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
 use super::recorded::{self, Driving};
-use super::workers::Workers;
 use super::{Global, print_json};
 
-/// The pipeline with the least change.
+/// The pipeline with the smallest change.
 const LEAST: &str = "least.lua";
 
 /// Arguments of `pdk sensitivity`
@@ -34,39 +40,32 @@ pub struct Arguments {
     /// The scenario, by its number, its id or the beginning of that
     #[arg(long, value_name = "N|ID")]
     scenario: String,
-    /// The folder for the numbers, a plot of each perturbation, and a picture of where in the frames its level matters
-    #[arg(short, long = "out", alias = "output", value_name = "DIR", default_value = "sensitivity")]
-    output: PathBuf,
-    /// Also search for the least change of the levels over time with which the drive leaves its lane, and write it as a pipeline
+    /// The folder for the numbers, a plot of each perturbation, and a picture of where in the frames its level matters [default: sensitivity-N]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Also search for the smallest change of the levels over time with which the drive leaves its lane, and write it as a pipeline. Takes about
+    /// as long as thirty drives
     #[arg(long)]
     least: bool,
-    #[command(flatten)]
-    workers: Workers,
     /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
     /// they are listed, and nothing of the record is run
     #[arg(long)]
     trust: bool,
 }
 
-/// The least change, and the drive that proves it.
-struct Proof {
-    scenario: Scenario,
-    outcome: Outcome,
-    path: PathBuf,
+/// The smallest change that was searched for.
+struct Least {
+    found: Found,
+    /// The drive that proves it, and the pipeline that repeats that; none if there is no change.
+    proof: Option<(Scenario, Outcome, PathBuf)>,
 }
 
 /// Differentiates the drive, and writes what was found.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Arguments { record, scenario, output, .. } = arguments;
-    let limits = arguments.workers.limits()?;
+    let Arguments { record, scenario, trust, .. } = arguments;
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
-    let driving = Driving {
-        verb: "sensitivity",
-        record,
-        pool: arguments.workers.pool(),
-        limits,
-        trust: arguments.trust,
-    };
+    let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
+    let driving = Driving { verb: "sensitivity", record, pool: Pool::Here(1), limits, trust: *trust };
     let (mut session, search) = recorded::session(global, &replay, driving)?;
     for change in replay.changes(&mut session)? {
         eprintln!("pdk: warning: since the run was recorded, {change}, so it may come out differently");
@@ -74,37 +73,68 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Some(line) = replay.lines().next() else {
         return Err(Error::new("there is no scenario to differentiate"));
     };
-    std::fs::create_dir_all(output).place(output.display())?;
     let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
     let progress = pdk_terminal::progress(global.json, "{msg} {pos} frames {elapsed}");
-    let digest = &line.outcome.digest;
-    let analysis = Analysis::new(&registry, &line.scenario, digest, arguments.least, &mut |doing| {
+    let place = |error: Error| error.at(format_args!("scenario {scenario}"));
+    let mut count = |doing: &'static str| {
         progress.set_message(doing);
         progress.inc(1);
-    })
-    .map_err(|error| error.at(format_args!("scenario {}", line.id)))?;
-    let change = analysis.least.as_ref().and_then(|found| found.change.as_ref());
-    let proof = match change {
-        None => None,
-        Some(change) => {
-            let scenario = analysis.with_courses(&line.scenario, &change.courses);
-            let outcome = drives::outcomes(&mut session, vec![scenario.clone()], &progress)?.remove(0);
-            let path = output.join(LEAST);
-            let text = script(&scenario, &outcome, "The least change of its levels that was found", LEAST)?;
-            pdk_sdk::file::write(&path, text.as_bytes()).place(path.display())?;
-            Some(Proof { scenario, outcome, path })
-        }
     };
-    progress.finish_and_clear();
-    let names = names(&line.scenario);
-    write_numbers(&output.join("sensitivity.csv"), &analysis, &names)?;
-    let pictures = write_pictures(output, &analysis, &names)?;
-    if global.json {
-        return print_json(&as_json(&analysis, &names, proof.as_ref(), &pictures));
+    let mut rehearsal = Rehearsal::new(&registry, &line.scenario).map_err(place)?;
+    let driven = analysis::driven(&mut rehearsal, &line.outcome.digest, &mut count).map_err(place)?;
+    if arguments.least {
+        check_stayed(&driven).map_err(place)?;
     }
-    print(&analysis, &names, proof.as_ref());
+    let found = Analysis::new(&mut rehearsal, driven, &mut count).map_err(place)?;
+    let output = arguments.output.clone().unwrap_or_else(|| format!("sensitivity-{scenario}").into());
+    std::fs::create_dir_all(&output)
+        .place(format_args!("cannot make the folder {}; choose another with -o", output.display()))?;
+    let names = names(&line.scenario);
+    write_numbers(&output.join("sensitivity.csv"), &found, &names)?;
+    let mut files = write_pictures(&output, &found, &names)?;
+    let mut least = None;
+    if arguments.least {
+        let Analysis { driven, sensitivity, .. } = &found;
+        let searched = least::least(&mut rehearsal, driven, sensitivity, &mut || count("searching"));
+        let searched = searched.map_err(place)?;
+        let proof = prove(&mut session, &line.scenario, &searched, &output, &progress)?;
+        let change = searched.change.as_ref();
+        files.extend(write_plots(&output, &found, &names, change.map(|change| change.courses.as_slice()))?);
+        least = Some(Least { found: searched, proof });
+    } else {
+        files.extend(write_plots(&output, &found, &names, None)?);
+    }
+    progress.finish_and_clear();
+    if global.json {
+        return print_json(&as_json(&found, &names, least.as_ref(), &files));
+    }
+    print(&found, &names, least.as_ref());
     println!("Numbers and pictures: {}", output.display());
     Ok(())
+}
+
+/// Has a worker drive the smallest change, and writes it as a pipeline.
+fn prove(
+    session: &mut Session,
+    scenario: &Scenario,
+    found: &Found,
+    folder: &Path,
+    progress: &ProgressBar,
+) -> Result<Option<(Scenario, Outcome, PathBuf)>> {
+    let Some(change) = &found.change else { return Ok(None) };
+    let perturbations = on_courses(&scenario.perturbations, &change.courses);
+    let scenario = Scenario { perturbations, ..scenario.clone() };
+    let outcome = drives::outcomes(session, vec![scenario.clone()], progress)?.remove(0);
+    if outcome.cause != Cause::LaneDeparture {
+        return Err(Error::new(format!(
+            "the change with which the drive left its lane ended with {} when a worker drove it, so it proves nothing; `pdk replay` says what is different",
+            outcome.cause.text()
+        )));
+    }
+    let path = folder.join(LEAST);
+    let text = script(&scenario, &outcome, "The smallest change of its levels that was found", LEAST)?;
+    pdk_sdk::file::write(&path, text.as_bytes()).place(path.display())?;
+    Ok(Some((scenario, outcome, path)))
 }
 
 /// The names of the perturbations, with a number behind those that are there several times.
@@ -121,8 +151,8 @@ fn names(scenario: &Scenario) -> Vec<String> {
 }
 
 /// Writes a table with a line for each frame.
-fn write_numbers(path: &Path, analysis: &Analysis, names: &[String]) -> Result<()> {
-    let Analysis { driven, rate, sensitivity, .. } = analysis;
+fn write_numbers(path: &Path, found: &Analysis, names: &[String]) -> Result<()> {
+    let Analysis { driven, rate, sensitivity, .. } = found;
     let mut text = String::from("frame,time_s,cross_track_error_m");
     for name in names {
         text += &format!(",{name}_level,{name}_m_per_level");
@@ -139,26 +169,32 @@ fn write_numbers(path: &Path, analysis: &Analysis, names: &[String]) -> Result<(
     pdk_sdk::file::write(path, text.as_bytes()).place(path.display())
 }
 
-/// Writes the pictures, and returns their names.
-fn write_pictures(folder: &Path, analysis: &Analysis, names: &[String]) -> Result<Vec<PathBuf>> {
-    let Analysis { driven, rate, sensitivity, perturbations, least } = analysis;
-    let change = least.as_ref().and_then(|found| found.change.as_ref());
+/// Writes a plot of each perturbation over time, and returns their names.
+fn write_plots(
+    folder: &Path,
+    found: &Analysis,
+    names: &[String],
+    changed: Option<&[Course]>,
+) -> Result<Vec<PathBuf>> {
+    let Analysis { driven, rate, sensitivity, .. } = found;
     let mut written = Vec::new();
-    for (place, (name, known)) in names.iter().zip(perturbations).enumerate() {
-        let changed = change.map(|change| &change.courses[place]);
-        let svg = plot::over_time(driven, sensitivity, place, *rate, changed)?;
+    for (number, name) in names.iter().enumerate() {
+        let changed = changed.map(|courses| &courses[number]);
+        let svg = plot::over_time(driven, sensitivity, number, *rate, changed)?;
         let path = folder.join(format!("{name}.svg"));
         pdk_sdk::file::write(&path, svg.as_bytes()).place(path.display())?;
         written.push(path);
-        let (Ok(regions), Some(span), Some(frame)) = (&sensitivity.regions, &known.decides, &known.frame)
-        else {
+    }
+    Ok(written)
+}
+
+/// Writes pictures of where in the frames the levels matter, and returns their names.
+fn write_pictures(folder: &Path, found: &Analysis, names: &[String]) -> Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    for (number, name) in names.iter().enumerate() {
+        let (Some(cells), Some(frame)) = (found.cells(number), &found.perturbations[number].frame) else {
             continue;
         };
-        let cells = regions[place].over(span.clone());
-        // What acts on no pixels has no place in the frames.
-        if cells.iter().all(|cell| *cell == 0.0) {
-            continue;
-        }
         let path = folder.join(format!("{name}.png"));
         let picture = to_frame(plot::in_frame(frame, &cells))?;
         pdk_image::write(&path, picture.as_ref())?;
@@ -167,24 +203,25 @@ fn write_pictures(folder: &Path, analysis: &Analysis, names: &[String]) -> Resul
     Ok(written)
 }
 
-fn print(analysis: &Analysis, names: &[String], proof: Option<&Proof>) {
-    let Analysis { rate, sensitivity, perturbations, least, .. } = analysis;
+fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
+    let Analysis { driven, rate, sensitivity, perturbations } = found;
     let seconds = |frame: usize| format!("{:.2} s", frame as f64 / rate);
     let side = if sensitivity.side > 0.0 { "right" } else { "left" };
     println!(
-        "The largest cross-track error is {:.2} m to the {side}, at {}.",
+        "The drive ended with {}. Its largest cross-track error is {:.2} m to the {side}, at {}.",
+        driven.cause.text(),
         sensitivity.error,
         seconds(sensitivity.worst)
     );
-    for (place, (name, known)) in names.iter().zip(perturbations).enumerate() {
-        println!("{name}: {}", sentence(analysis, place, known, &seconds));
-        let mut table = table(["level changed from", "m a level, by the derivative", "by drives", ""]);
+    for (number, (name, known)) in names.iter().zip(perturbations).enumerate() {
+        println!("{name}: {}", sentence(found, number, known, &seconds));
+        let mut table = table(["level changed from", "m per level (derivative)", "by drives", ""]);
         for window in &known.windows {
             table.add_row([
                 seconds(window.from),
-                format!("{:+.3}", window.predicted),
-                format!("{:+.3}", window.driven),
-                if window.agrees() { "" } else { "differs" }.to_owned(),
+                format!("{:+.4}", window.predicted),
+                format!("{:+.4}", window.driven),
+                if window.agrees() { "" } else { "disagrees" }.to_owned(),
             ]);
         }
         println!("{table}");
@@ -192,63 +229,64 @@ fn print(analysis: &Analysis, names: &[String], proof: Option<&Proof>) {
     if let Err(reason) = &sensitivity.regions {
         println!("Where in the frames it comes from is not known: {reason}.");
     }
-    let Some(found) = least else { return };
-    match proof {
-        None => println!("No step by the derivative made the drive leave its lane."),
-        Some(proof) => {
-            let size = found.change.as_ref().map_or(0.0, |change| change.size);
-            println!(
-                "Least change: {size:.2} levels (root of the mean square over time); the drive ends with {} at {:.2} s. Found with {} drives and {} \
-                 sweeps: {}",
-                proof.outcome.cause.text(),
-                proof.outcome.time,
-                found.drives,
-                found.sweeps,
-                proof.path.display()
-            );
-        }
+    let Some(Least { found, proof }) = least else { return };
+    match (&found.change, proof) {
+        (Some(change), Some((_, outcome, path))) => println!(
+            "Smallest change found: {:.2} levels (root of the mean square up to the departure), with which the vehicle leaves its lane at {:.2} s: {}",
+            change.size,
+            outcome.time,
+            path.display()
+        ),
+        _ => println!("No step by the derivative made the vehicle leave its lane."),
     }
-    match found.alike {
-        Some(by) => println!("Raised alike at all times, the levels have to be {by:.2} higher for that."),
-        None => println!("Raised alike at all times, even the highest levels leave it in its lane."),
+    match found.uniform {
+        Some(by) => println!("A uniform increase of {by:.2} levels makes it leave its lane as well."),
+        None => println!("It stays in its lane with every uniform increase, tried in quarters of a level."),
     }
+    println!("The search took {} drives and {} derivatives.", found.drives, found.sweeps);
 }
 
 /// What a level decides, in words.
 fn sentence(
-    analysis: &Analysis,
-    place: usize,
+    found: &Analysis,
+    number: usize,
     known: &OfPerturbation,
     seconds: &dyn Fn(usize) -> String,
 ) -> String {
     let OfPerturbation { holds, decides, .. } = known;
     if holds.is_empty() {
-        return "the derivative does not hold here: drives with other levels come out otherwise than it says"
+        return "the derivative is not reliable here: drives at slightly different levels disagree with it"
             .to_owned();
     }
-    let Some(span) = decides else {
-        return "its level has no influence on the largest error".to_owned();
-    };
-    let by: f64 = analysis.sensitivity.influence[place][span.clone()].iter().sum();
-    let more = if by >= 0.0 { "larger" } else { "smaller" };
     let reach = match holds.start {
-        0 => "it holds for the whole drive".to_owned(),
-        start => format!("it holds from {} on", seconds(start)),
+        0 => "back to the start".to_owned(),
+        start => format!("back to {}", seconds(start)),
+    };
+    let Some(span) = decides else {
+        return format!(
+            "its level has no influence on the largest error; derivative and drives agree {reach}."
+        );
+    };
+    let by: f64 = found.sensitivity.influence[number][span.clone()].iter().sum();
+    let more = if by >= 0.0 { "larger" } else { "smaller" };
+    let since = match holds.start {
+        0 => String::new(),
+        start => format!(" since {}", seconds(start)),
     };
     format!(
-        "{:.0} % of its influence lies from {} to {}, where one level more makes the error {:.2} m {more}; {reach}.",
+        "{:.0} % of its influence{since} lies from {} to {}, where {STEP} levels more make the error {:.3} m {more}. Derivative and drives agree {reach}.",
         100.0 * SHARE,
         seconds(span.start),
         seconds(span.end),
-        by.abs()
+        STEP * by.abs()
     )
 }
 
-fn as_json(analysis: &Analysis, names: &[String], proof: Option<&Proof>, pictures: &[PathBuf]) -> Value {
-    let Analysis { rate, sensitivity, perturbations, least, .. } = analysis;
+fn as_json(found: &Analysis, names: &[String], least: Option<&Least>, files: &[PathBuf]) -> Value {
+    let Analysis { driven, rate, sensitivity, perturbations } = found;
     let time = |frame: usize| frame as f64 / rate;
     let span = |frames: &Range<usize>| json!([time(frames.start), time(frames.end)]);
-    let one = |(place, (name, known)): (usize, (&String, &OfPerturbation))| {
+    let one = |(number, (name, known)): (usize, (&String, &OfPerturbation))| {
         let windows: Vec<Value> = known
             .windows
             .iter()
@@ -263,24 +301,25 @@ fn as_json(analysis: &Analysis, names: &[String], proof: Option<&Proof>, picture
             "holds": span(&known.holds),
             "decides": known.decides.as_ref().map(span),
             "windows": windows,
-            "influence": sensitivity.influence[place],
+            "influence": sensitivity.influence[number],
         })
     };
     json!({
+        "cause": driven.cause,
         "largest_error": sensitivity.error,
         "time": time(sensitivity.worst),
         "side": sensitivity.side,
         "rate": rate,
         "perturbations": names.iter().zip(perturbations).enumerate().map(one).collect::<Vec<_>>(),
-        "files": pictures,
-        "least": least.as_ref().map(|found| json!({
+        "files": files,
+        "least": least.map(|Least { found, proof }| json!({
             "size": found.change.as_ref().map(|change| change.size),
-            "alike": found.alike,
+            "uniform": found.uniform,
             "drives": found.drives,
-            "sweeps": found.sweeps,
-            "scenario": proof.map(|proof| &proof.scenario),
-            "outcome": proof.map(|proof| &proof.outcome),
-            "pipeline": proof.map(|proof| &proof.path),
+            "derivatives": found.sweeps,
+            "scenario": proof.as_ref().map(|(scenario, ..)| scenario),
+            "outcome": proof.as_ref().map(|(_, outcome, _)| outcome),
+            "pipeline": proof.as_ref().map(|(.., path)| path),
         })),
     })
 }
