@@ -72,7 +72,6 @@ fn the_derivative_is_what_drives_say_and_the_same_each_time() {
     // What acts on no pixels has a course and no place.
     assert!(out.join("steering_offset.svg").is_file() && !out.join("steering_offset.png").exists());
     assert!(out.join("fog_filter.svg").is_file());
-    assert!(fs::read(out.join("fog_filter.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
 #[test]
