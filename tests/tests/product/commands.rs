@@ -36,7 +36,7 @@ const NOT_RUN: [(&str, &str); 14] = [
 const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugin list", "pdk plugin remove"];
 
 /// Beginnings of commands that drive, or work on the record of the quickstart. They are run in this order, in one folder.
-const LONG: [&str; 12] = [
+const LONG: [&str; 13] = [
     "pdk run scripts/",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set roads=4 --set driver=onnx",
@@ -46,6 +46,7 @@ const LONG: [&str; 12] = [
     "pdk export",
     "pdk shrink",
     "pdk why",
+    "pdk sensitivity",
     "pdk saliency docs/examples/tub",
     "pdk suite runs/smoke-1",
     "pdk verify",
