@@ -15,6 +15,7 @@
 //! | [`analysis`] | all of it, one after the other |
 //! | [`rehearsal`] | a drive in this process, which can be put back to any of its frames |
 //! | [`course`] | the level of every frame, and courses beside it |
+//! | [`variant`] | a level a little lower and a little higher, by which it is differentiated |
 //! | [`sweep`] | the way back through a drive |
 //! | [`regions`] | where in the frames it comes from, by the exact gradient of the driver's network |
 //! | [`span`] | the part of a drive in which the levels decide |
@@ -30,4 +31,5 @@ pub mod regions;
 pub mod rehearsal;
 pub mod span;
 pub mod sweep;
+pub mod variant;
 pub mod windows;

@@ -1,7 +1,6 @@
 //! The way back through a drive, from the frame of the largest error to the start.
 
 use pdk_chain::chain::Chain;
-use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::describe::ActsOn;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};
@@ -9,6 +8,7 @@ use pdk_sdk::prelude::{Control, State};
 use crate::course::{Course, on_courses};
 use crate::regions::{Gathered, Regions};
 use crate::rehearsal::{Decision, Driven, Place, Rehearsal};
+use crate::variant::Variant;
 
 /// By how much controls are changed.
 const STEP_OF_CONTROL: f64 = 1e-4;
@@ -30,37 +30,6 @@ pub struct Sensitivity {
     pub courses: Vec<Course>,
     /// Where in the frames it comes from, for each perturbation; or why that is not known.
     pub regions: Result<Vec<Regions>, String>,
-}
-
-/// The chains by which levels are differentiated.
-struct Variant {
-    /// The course a little lower and a little higher.
-    courses: [Course; 2],
-    chains: [Chain; 2],
-}
-
-impl Variant {
-    fn new(
-        rehearsal: &Rehearsal<'_>,
-        perturbations: &[AppliedPerturbation],
-        place: usize,
-        course: &Course,
-    ) -> Result<Self> {
-        let courses = course.beside();
-        let chain = |course: &Course| {
-            let mut changed = perturbations.to_vec();
-            changed[place] = course.apply(&perturbations[place]);
-            rehearsal.chain(&changed)
-        };
-        let chains = [chain(&courses[0])?, chain(&courses[1])?];
-        Ok(Self { chains, courses })
-    }
-
-    /// How far the two levels of a frame are apart.
-    fn distance(&self, frame: usize) -> f64 {
-        let [low, high] = self.courses.each_ref().map(|course| course.levels()[frame]);
-        high - low
-    }
 }
 
 /// The courses of the perturbations of a scenario.
@@ -88,7 +57,7 @@ pub fn sweep(
     let mut variants = courses
         .iter()
         .enumerate()
-        .map(|(place, course)| Variant::new(rehearsal, &perturbations, place, course))
+        .map(|(number, course)| Variant::new(rehearsal, &perturbations, number, course))
         .collect::<Result<Vec<_>>>()?;
     let mut influence = vec![vec![0.0; worst]; perturbations.len()];
     let mut adjoint = Adjoint::of_error(rehearsal, &driven.places[worst])?;
@@ -102,9 +71,8 @@ pub fn sweep(
             return Err(not_alone(rehearsal, place, decision, &again));
         }
         regions.differentiate(rehearsal, place, &again)?;
+        // It moves the simulation, and leaves the frame that was rendered.
         let of_control = adjoint.of_control(rehearsal, place, decision)?;
-        rehearsal.restore(place.frame, &place.saved)?;
-        rehearsal.render(place)?;
         for (number, (variant, influence)) in variants.iter_mut().zip(&mut influence).enumerate() {
             let distance = variant.distance(frame);
             let [low, high] = &mut variant.chains;
@@ -214,7 +182,7 @@ impl Adjoint {
         Ok(OfControl(of_control))
     }
 
-    /// Goes back by a frame, to `place`.
+    /// Goes back by a frame, to `place`, which is the frame that was rendered last.
     fn step(
         &mut self,
         rehearsal: &mut Rehearsal<'_>,
@@ -223,8 +191,6 @@ impl Adjoint {
         decision: &Decision,
         of_control: OfControl,
     ) -> Result<()> {
-        rehearsal.restore(place.frame, &place.saved)?;
-        rehearsal.render(place)?;
         let raw = rehearsal.raw().clone();
         let mut before = vec![0.0; self.by.len()];
         for number in varied(rehearsal) {

@@ -1,10 +1,12 @@
 //! How far back a derivative holds: drives that begin at some frame of the recorded one, with levels a little lower and higher from there.
 
+use pdk_chain::chain::Chain;
 use pdk_sdk::error::Result;
 
-use crate::course::{Course, on_courses};
+use crate::course::on_courses;
 use crate::rehearsal::{Driven, Place, Rehearsal};
 use crate::sweep::Sensitivity;
+use crate::variant::Variant;
 
 /// How long the shortest window is, in seconds; each one is twice as long as the one before.
 const SHORTEST: f64 = 0.5;
@@ -44,22 +46,18 @@ pub fn windows(
     perturbation: usize,
     frame_done: &mut dyn FnMut(),
 ) -> Result<Vec<Window>> {
-    let rate = rehearsal.camera().rate;
-    let worst = sensitivity.worst;
+    let (rate, worst) = (rehearsal.camera().rate, sensitivity.worst);
+    let (courses, influence) = (&sensitivity.courses, &sensitivity.influence[perturbation]);
+    let applied = on_courses(&rehearsal.scenario().perturbations, courses);
+    let mut variant = Variant::new(rehearsal, &applied, perturbation, &courses[perturbation])?;
     let mut windows: Vec<Window> = Vec::new();
     let mut length = (SHORTEST * rate).round().max(1.0) as usize;
     while windows.last().is_none_or(|last| last.from > 0) && worst > 0 {
         let from = worst.saturating_sub(length);
-        let [lower, higher] = sensitivity.courses[perturbation].beside();
-        let mut error = |course: &Course| {
-            let mut courses = sensitivity.courses.clone();
-            courses[perturbation] = course.clone();
-            from_frame(rehearsal, &driven.places[from], &courses, sensitivity, frame_done)
-        };
-        let by_drives = error(&higher)? - error(&lower)?;
-        // Levels at an end of the scale are changed to one side alone.
-        let apart = |frame: usize| higher.levels()[frame] - lower.levels()[frame];
-        let influence = &sensitivity.influence[perturbation];
+        let mut error = |chain| from_frame(rehearsal, &driven.places[from], chain, sensitivity, frame_done);
+        let [lower, higher] = &mut variant.chains;
+        let by_drives = -error(lower)? + error(higher)?;
+        let apart = |frame: usize| variant.distance(frame);
         let by_derivative: f64 = (from..worst).map(|frame| influence[frame] * apart(frame)).sum();
         let levels = (from..worst).map(apart).sum::<f64>() / (worst - from) as f64;
         windows.push(Window { from, predicted: by_derivative / levels, driven: by_drives / levels });
@@ -73,21 +71,20 @@ pub fn reach(windows: &[Window], worst: usize) -> usize {
     windows.iter().take_while(|window| window.agrees()).last().map_or(0, |window| worst - window.from)
 }
 
-/// The cross-track error at the frame of the largest one, towards its side, of a drive that begins at a frame and has these courses. It is driven on also if it
-/// left its lane before.
+/// The cross-track error at the frame of the largest one, towards its side, of a drive that begins at a frame and goes through this chain. It is driven on also if
+/// it left its lane before.
 fn from_frame(
     rehearsal: &mut Rehearsal<'_>,
     start: &Place,
-    courses: &[Course],
+    chain: &mut Chain,
     sensitivity: &Sensitivity,
     frame_done: &mut dyn FnMut(),
 ) -> Result<f64> {
-    let mut chain = rehearsal.chain(&on_courses(&rehearsal.scenario().perturbations, courses))?;
     rehearsal.restore(start.frame, &start.saved)?;
     let mut place = start.clone();
     for _ in start.frame..sensitivity.worst as u64 {
         rehearsal.render(&place)?;
-        let decision = rehearsal.decide_alone(&mut chain, &place)?;
+        let decision = rehearsal.decide_alone(chain, &place)?;
         place = rehearsal.act(&place, decision.applied)?;
         frame_done();
     }

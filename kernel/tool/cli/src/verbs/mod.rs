@@ -339,6 +339,14 @@ fn check_writable(path: &Path) -> Result<()> {
     tried.place(format_args!("cannot write {}", path.display()))
 }
 
+/// A name, with a number behind it if it was there that many times before.
+fn numbered(name: &str, before: usize) -> String {
+    match before {
+        0 => name.to_owned(),
+        _ => format!("{name}-{}", before + 1),
+    }
+}
+
 /// Writes a JSON value to standard output.
 fn print_json(value: &serde_json::Value) -> Result<()> {
     println!("{}", serde_json::to_string_pretty(value)?);

@@ -1,7 +1,7 @@
 //! What a recorded scenario needs, for the verbs that drive it again. A record may come from anyone: nothing that it names is loaded or
 //! started unless it is installed, has been loaded before, or the user agrees.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_components::search_path::SearchPath;
 use pdk_notice::eprintln;
@@ -12,6 +12,17 @@ use pdk_session::session::Session;
 use pdk_supervise::supervisor::Limits;
 
 use super::Global;
+
+/// The scenario that a verb works on.
+#[derive(clap::Args)]
+pub struct Chosen {
+    /// The folder of the record
+    #[arg(value_name = "RUN")]
+    pub record: PathBuf,
+    /// The scenario, by its number, its id or the beginning of that
+    #[arg(long, value_name = "N|ID")]
+    pub scenario: String,
+}
 
 /// How a record is driven again.
 pub struct Driving<'a> {
@@ -65,4 +76,22 @@ pub fn session(global: &Global, replay: &Replay, driving: Driving<'_>) -> Result
             asks.join("; ")
         ),
     ))
+}
+
+/// The record of one scenario, and what [`session`] gives for it. It warns of what is different since then, and says what may come of that.
+///
+/// # Errors
+/// As for [`session`], and if there is no such scenario.
+pub fn open(
+    global: &Global,
+    scenario: &str,
+    driving: Driving<'_>,
+    consequence: &str,
+) -> Result<(Replay, Session, SearchPath)> {
+    let replay = Replay::open(driving.record, &[scenario.to_owned()])?;
+    let (mut session, search) = session(global, &replay, driving)?;
+    for change in replay.changes(&mut session)? {
+        eprintln!("pdk: warning: since the run was recorded, {change}, so it may {consequence}");
+    }
+    Ok((replay, session, search))
 }

@@ -8,10 +8,9 @@ use pdk_components::registry::Registry;
 use pdk_lua::LuaScripts;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Scenario;
-use pdk_notice::{eprintln, println};
+use pdk_notice::println;
 use pdk_preview::picture::to_frame;
 use pdk_replay::drives;
-use pdk_replay::replay::Replay;
 use pdk_replay::shrink::script;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sensitivity::analysis::{self, Analysis, OfPerturbation, SHARE};
@@ -25,8 +24,8 @@ use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
-use super::recorded::{self, Driving};
-use super::{Global, print_json};
+use super::recorded::{self, Chosen, Driving};
+use super::{Global, numbered, print_json};
 
 /// The pipeline with the smallest change.
 const LEAST: &str = "least.lua";
@@ -34,12 +33,8 @@ const LEAST: &str = "least.lua";
 /// Arguments of `pdk sensitivity`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The folder of the record
-    #[arg(value_name = "RUN")]
-    record: PathBuf,
-    /// The scenario, by its number, its id or the beginning of that
-    #[arg(long, value_name = "N|ID")]
-    scenario: String,
+    #[command(flatten)]
+    chosen: Chosen,
     /// The folder for the numbers, a plot of each perturbation, and a picture of where in the frames its level matters [default: sensitivity-N]
     #[arg(short, long = "out", alias = "output", value_name = "DIR")]
     output: Option<PathBuf>,
@@ -62,14 +57,11 @@ struct Least {
 
 /// Differentiates the drive, and writes what was found.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Arguments { record, scenario, trust, .. } = arguments;
-    let replay = Replay::open(record, std::slice::from_ref(scenario))?;
+    let Chosen { record, scenario } = &arguments.chosen;
     let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
-    let driving = Driving { verb: "sensitivity", record, pool: Pool::Here(1), limits, trust: *trust };
-    let (mut session, search) = recorded::session(global, &replay, driving)?;
-    for change in replay.changes(&mut session)? {
-        eprintln!("pdk: warning: since the run was recorded, {change}, so it may come out differently");
-    }
+    let driving =
+        Driving { verb: "sensitivity", record, pool: Pool::Here(1), limits, trust: arguments.trust };
+    let (replay, mut session, search) = recorded::open(global, scenario, driving, "come out differently")?;
     let Some(line) = replay.lines().next() else {
         return Err(Error::new("there is no scenario to differentiate"));
     };
@@ -141,11 +133,7 @@ fn prove(
 fn names(scenario: &Scenario) -> Vec<String> {
     let all: Vec<&str> = scenario.perturbations.iter().map(|applied| applied.name.as_str()).collect();
     let name = |(place, name): (usize, &&str)| {
-        let before = all[..place].iter().filter(|other| other == &name).count();
-        match before {
-            0 => (*name).to_owned(),
-            _ => format!("{name}-{}", before + 1),
-        }
+        numbered(name, all[..place].iter().filter(|other| other == &name).count())
     };
     all.iter().enumerate().map(name).collect()
 }
@@ -153,20 +141,22 @@ fn names(scenario: &Scenario) -> Vec<String> {
 /// Writes a table with a line for each frame.
 fn write_numbers(path: &Path, found: &Analysis, names: &[String]) -> Result<()> {
     let Analysis { driven, rate, sensitivity, .. } = found;
-    let mut text = String::from("frame,time_s,cross_track_error_m");
-    for name in names {
-        text += &format!(",{name}_level,{name}_m_per_level");
-    }
-    text.push('\n');
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let columns = names.iter().flat_map(|name| [format!("{name}_level"), format!("{name}_m_per_level")]);
+    let fixed = ["frame", "time_s", "cross_track_error_m"].map(str::to_owned);
+    writer.write_record(fixed.into_iter().chain(columns)).map_err(std::io::Error::from)?;
     for (frame, place) in driven.places.iter().enumerate() {
-        text += &format!("{frame},{},{}", frame as f64 / rate, place.state.cross_track_error);
-        for (course, influence) in sensitivity.courses.iter().zip(&sensitivity.influence) {
-            let by = influence.get(frame).copied().unwrap_or_default();
-            text += &format!(",{},{by}", course.levels()[frame]);
-        }
-        text.push('\n');
+        let levels =
+            sensitivity.courses.iter().zip(&sensitivity.influence).flat_map(|(course, influence)| {
+                [course.levels()[frame], influence.get(frame).copied().unwrap_or_default()]
+            });
+        let numbers = [frame as f64 / rate, place.state.cross_track_error].into_iter().chain(levels);
+        let numbers = numbers.map(|number| number.to_string());
+        let row = std::iter::once(frame.to_string()).chain(numbers);
+        writer.write_record(row).map_err(std::io::Error::from)?;
     }
-    pdk_sdk::file::write(path, text.as_bytes()).place(path.display())
+    let bytes = writer.into_inner().map_err(|error| error.into_error()).place("cannot write CSV")?;
+    pdk_sdk::file::write(path, &bytes).place(path.display())
 }
 
 /// Writes a plot of each perturbation over time, and returns their names.
@@ -225,6 +215,12 @@ fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
             ]);
         }
         println!("{table}");
+        if sensitivity.regions.is_ok() && known.decides.is_some() && found.cells(number).is_none() {
+            println!(
+                "No picture shows where in the frames that comes from: cells of the frame do not add up to it, as it also comes through the throttle \
+                 or the control."
+            );
+        }
     }
     if let Err(reason) = &sensitivity.regions {
         println!("Where in the frames it comes from is not known: {reason}.");

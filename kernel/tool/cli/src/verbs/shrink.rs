@@ -2,26 +2,20 @@
 
 use std::path::PathBuf;
 
-use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_replay::replay::Replay;
 use pdk_replay::shrink::{Limits, Shrunk, luck, script};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
-use super::recorded::{self, Driving};
+use super::recorded::{self, Chosen, Driving};
 use super::workers::Workers;
 use super::{Global, print_json};
 
 /// Arguments of `pdk shrink`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The folder of the record
-    #[arg(value_name = "RUN")]
-    record: PathBuf,
-    /// The scenario, by its number, its id or the beginning of that
-    #[arg(long, value_name = "N|ID")]
-    scenario: String,
+    #[command(flatten)]
+    chosen: Chosen,
     /// Where the pipeline with what is left goes; the name ends in .lua
     #[arg(short, long = "out", alias = "output", value_name = "FILE.lua", default_value = "failure.lua")]
     output: PathBuf,
@@ -44,7 +38,8 @@ pub struct Arguments {
 
 /// Shrinks, and writes what is left as a pipeline.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Arguments { record, scenario, output, clip, precision, draws, .. } = arguments;
+    let Chosen { record, scenario } = &arguments.chosen;
+    let Arguments { output, clip, precision, draws, .. } = arguments;
     if precision.is_nan() || *precision <= 0.0 {
         return Err(Error::new(format!("--precision is {precision}, but has to be more than 0")));
     }
@@ -60,13 +55,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         return Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display())));
     }
     let limits = arguments.workers.limits()?;
-    let replay = Replay::open(record, std::slice::from_ref(scenario))?;
     let driving =
         Driving { verb: "shrink", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
-    let (mut session, _) = recorded::session(global, &replay, driving)?;
-    for change in replay.changes(&mut session)? {
-        eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");
-    }
+    let (replay, session, _) = recorded::open(global, scenario, driving, "not fail any more")?;
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
     let shrunk = replay.shrink(
         session,

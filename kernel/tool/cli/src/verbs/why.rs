@@ -2,15 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_replay::replay::Replay;
 use pdk_replay::shrink::script;
 use pdk_replay::why::{Proof, Why, words};
 use pdk_sdk::error::{Place, Result};
 use serde_json::{Value, json};
 
-use super::recorded::{self, Driving};
+use super::recorded::{self, Chosen, Driving};
 use super::workers::Workers;
 use super::{Global, print_json};
 
@@ -21,12 +19,8 @@ const NECESSARY: &str = "necessary";
 /// Arguments of `pdk why`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The folder of the record
-    #[arg(value_name = "RUN")]
-    record: PathBuf,
-    /// The scenario, by its number, its id or the beginning of that
-    #[arg(long, value_name = "N|ID")]
-    scenario: String,
+    #[command(flatten)]
+    chosen: Chosen,
     /// The folder for sufficient.lua and necessary.lua, which repeat the two drives that prove the cause
     #[arg(short, long = "out", alias = "output", value_name = "DIR", default_value = "why")]
     output: PathBuf,
@@ -43,15 +37,12 @@ pub struct Arguments {
 
 /// Searches, and writes both drives as pipelines.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Arguments { record, scenario, output, clips, .. } = arguments;
+    let Chosen { record, scenario } = &arguments.chosen;
+    let Arguments { output, clips, .. } = arguments;
     let limits = arguments.workers.limits()?;
-    let replay = Replay::open(record, std::slice::from_ref(scenario))?;
     let driving =
         Driving { verb: "why", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
-    let (mut session, _) = recorded::session(global, &replay, driving)?;
-    for change in replay.changes(&mut session)? {
-        eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");
-    }
+    let (replay, session, _) = recorded::open(global, scenario, driving, "not fail any more")?;
     std::fs::create_dir_all(output).place(output.display())?;
     let films = [SUFFICIENT, NECESSARY].map(|name| output.join(format!("{name}.mp4")));
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");

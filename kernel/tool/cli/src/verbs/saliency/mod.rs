@@ -26,7 +26,7 @@ use pdk_sdk::seed;
 use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
 
-use super::{Global, print_json};
+use super::{Global, numbered, print_json};
 use frames::Frames;
 use shown::Shown;
 
@@ -217,7 +217,7 @@ fn method(
         .filter(|other| other.label.trim_end_matches(|c: char| c.is_ascii_digit() || c == '-') == spec.name)
         .count();
     Ok(Method {
-        label: if same == 0 { spec.name.clone() } else { format!("{}-{}", spec.name, same + 1) },
+        label: numbered(&spec.name, same),
         place: format!("saliency `{}`", spec.name),
         key: seed::key(arguments.seed, &spec.name, same as u64),
         cells: if size.is_some() { Some(make("layer")?) } else { None },
