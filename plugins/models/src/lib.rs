@@ -47,10 +47,12 @@ mod driver {
     pub mod built_in;
     pub mod dave2;
     pub mod dave2_augmented;
+    pub mod dave2_hardened;
     pub mod dave2_temporal;
     pub mod dave2_tub;
     pub mod onnx;
     pub mod trained;
+    pub mod waypoint_planner;
 }
 
 mod perturbation {
@@ -128,8 +130,10 @@ pdk_sdk::export! {
         driver::onnx::Onnx,
         driver::dave2::Dave2,
         driver::dave2_augmented::Dave2Augmented,
+        driver::dave2_hardened::Dave2Hardened,
         driver::dave2_temporal::Dave2Temporal,
         driver::dave2_tub::Dave2Tub,
+        driver::waypoint_planner::WaypointPlanner,
     ],
     perturbations: [
         perturbation::repaint::Repaint,

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use pdk_network::described::Described;
 use pdk_network::given::ENDINGS;
-use pdk_network::{Declared, Given, Inputs, Outputs, Plan};
+use pdk_network::{Declared, Given, Inputs, Outputs, Plan, waypoints};
 use pdk_onnx::model;
 use pdk_onnx::proto::{GraphProto, ModelProto};
 use pdk_sdk::file;
@@ -109,31 +109,46 @@ impl ModelFile {
         Outputs::new(&self.plan.described, &self.plan.outputs, sizes, &states)
     }
 
-    /// Reads a model with what was given to describe it.
+    /// Reads a driving model with what was given to describe it. One that plans waypoints gets its controller.
     ///
     /// # Errors
     /// If the file cannot be read or is not an ONNX model, or if its inputs are not what was described and can be guessed.
-    pub fn read(source: Source, given: Given) -> Result<Self> {
-        Self::read_at(source, given, None)
+    pub fn read(mut source: Source, mut given: Given) -> Result<Self> {
+        let mut proto = Self::decode(&source)?;
+        if waypoints::describes(&given) {
+            if let Source::File(path) = &source {
+                // With the weights that lie in files of their own, since the model is no longer the file beside them.
+                proto = model::read(path)?;
+            }
+            waypoints::follow(&mut proto, &mut given)?;
+            source = Source::BuiltIn(model::encode(&proto).into());
+        }
+        Self::new(source, proto, given)
     }
 
-    /// Reads a model whose image has the given width and height if the file leaves it open.
+    /// Reads a model that need not drive, whose image has the given width and height if the file leaves it open.
     ///
     /// # Errors
     /// As for [`Self::read`].
-    pub fn read_at(source: Source, mut given: Given, open: Option<[usize; 2]>) -> Result<Self> {
-        let content = source.content()?;
-        let proto = model::decode(&content)?;
-        drop(content);
-        let declared = Declared::of_model(&proto);
-        if let (Source::File(path), Some(graph)) = (&source, &proto.graph) {
-            check_external(graph, path.parent().unwrap_or(Path::new("")))?;
-        }
-        let is_open = declared.inputs.iter().any(|port| port.dims().iter().skip(1).any(Option::is_none));
-        if let Some(size) = open.filter(|_| is_open) {
+    pub fn read_at(source: Source, mut given: Given, size: [usize; 2]) -> Result<Self> {
+        let proto = Self::decode(&source)?;
+        let inputs = Declared::of_model(&proto).inputs;
+        if inputs.iter().any(|port| port.dims().iter().skip(1).any(Option::is_none)) {
             given.set("image_size", pdk_sdk::serde_json::json!(size), "the parameters `width` and `height`");
         }
-        let plan = Plan::new(&declared, Described::new(given)?)?;
+        Self::new(source, proto, given)
+    }
+
+    fn decode(source: &Source) -> Result<ModelProto> {
+        let proto = model::decode(&source.content()?)?;
+        if let (Source::File(path), Some(graph)) = (source, &proto.graph) {
+            check_external(graph, path.parent().unwrap_or(Path::new("")))?;
+        }
+        Ok(proto)
+    }
+
+    fn new(source: Source, proto: ModelProto, given: Given) -> Result<Self> {
+        let plan = Plan::new(&Declared::of_model(&proto), Described::new(given)?)?;
         Ok(Self { source, proto, plan })
     }
 }

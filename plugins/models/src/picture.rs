@@ -87,7 +87,7 @@ impl PictureNetwork {
         let name = config.text("model");
         let open = || {
             let size = [config.integer("width") as usize, config.integer("height") as usize];
-            let model = ModelFile::read_at(source, given(config), Some(size))?;
+            let model = ModelFile::read_at(source, given(config), size)?;
             if model.plan.states().next().is_some() {
                 return Err(Error::new(
                     "it remembers frames, which only a driver can; export it without the inputs `NAME_in`",

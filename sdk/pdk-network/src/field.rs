@@ -34,7 +34,7 @@ const fn field(name: &'static str, kind: Kind, default: &'static str, doc: &'sta
 }
 
 /// All fields, in the order in which a frame passes them.
-pub const FIELDS: [Field; 21] = [
+pub const FIELDS: [Field; 22] = [
     field(
         "preset",
         Kind::Choice(&crate::preset::NAMES),
@@ -149,10 +149,17 @@ pub const FIELDS: [Field; 21] = [
         "the second output or number, or 0.3",
         "the output that gives the throttle, likewise; a number is a constant throttle",
     ),
+    field(
+        crate::waypoints::FIELD,
+        Kind::Free(crate::waypoints::EXAMPLE),
+        "the network steers",
+        "the output with the waypoints of a network that plans: what their numbers are, the seconds between them, and wheelbase in metres and full \
+         lock in degrees of the vehicle that follows them",
+    ),
 ];
 
 /// The fields that say what outputs mean to a driver; the others say what goes in.
-const OF_OUTPUTS: [&str; 2] = ["steering", "throttle"];
+const OF_OUTPUTS: [&str; 3] = ["steering", "throttle", crate::waypoints::FIELD];
 
 /// The parameters of a component that reads a description.
 pub fn parameters(description: Description) -> Description {

@@ -3,7 +3,7 @@
 //! [`field`] lists the fields of a description, from which its reading, the parameters of components and the reference follow.
 //! [`given`] collects their values with the place that each comes from, [`preset`] has the descriptions that have a name, and
 //! [`described`] is their meaning, with [`gets`] for further inputs and [`rule`] for outputs. [`declared`] is what an ONNX file says about its inputs and outputs. A [`plan`] joins the two:
-//! what each input gets, the [`image`] first, and the [`reason`]; [`outputs`] does the same for what comes out. [`eye`] makes the image's tensor of frames, by way
+//! what each input gets, the [`image`] first, and the [`reason`]; [`outputs`] does the same for what comes out, and [`waypoints`] lets a network that plans steer. [`eye`] makes the image's tensor of frames, by way
 //! of [`region`], [`resize`], [`color`] and [`numbers`], and [`inputs`] holds the values of all inputs from frame to frame.
 //! `back` takes a gradient back from the tensor to the frame. [`template`] writes a description to complete, and [`seen`] turns a tensor back into a picture.
 
@@ -29,6 +29,7 @@ pub mod rule;
 pub mod seen;
 pub mod suggest;
 pub mod template;
+pub mod waypoints;
 
 pub use declared::{Declared, Element, Port};
 pub use described::Described;

@@ -272,7 +272,7 @@ impl Known<'_> {
             _ => Err(self.wrong(
                 open,
                 "a driving model has one output of steering and throttle, one of steering alone, or one of each; name them with `steering` and \
-                 `throttle`, with an `index`, or with `bins` if they are categories",
+                 `throttle`, with an `index`, or with `bins` if they are categories; a network that plans is described by `waypoints`",
             )),
         }
     }

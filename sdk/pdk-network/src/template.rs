@@ -151,6 +151,7 @@ fn example(name: &str) -> &'static str {
         "differences" => "\"only\"",
         "inputs" => "{ image = \"image\", speed = { value = \"speed\", unit = \"m/s\" } }",
         "state" => "{ hidden_in = \"hidden_out\" }",
+        crate::waypoints::FIELD => crate::waypoints::EXAMPLE,
         "steering" => "{ output = \"angle\", bins = { from = -1.0, to = 1.0, count = 15 } }",
         _ => "0.3",
     }

@@ -731,6 +731,7 @@ def fgsm(
     state: Any | None = None,
     steering: Any | None = None,
     throttle: Any | None = None,
+    waypoints: Any | None = None,
     speed: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
@@ -811,6 +812,10 @@ def fgsm(
         first output.
     throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
         number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    waypoints: the output with the waypoints of a network that plans: what their numbers are, the seconds between
+        them, and wheelbase in metres and full lock in degrees of the vehicle that follows them ({ output =
+        "waypoints", axes = "forward_left", interval = 0.5, wheelbase = 2.6, full_lock = 25 }); left out: as the
+        file beside the model says, or the network steers.
     speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
         (m/s; 0 to 100; default 8.0).
     Source: Goodfellow et al., Explaining and Harnessing Adversarial Examples, 2015; `expectation`: Athalye et al.,
@@ -2045,6 +2050,7 @@ def pgd(
     state: Any | None = None,
     steering: Any | None = None,
     throttle: Any | None = None,
+    waypoints: Any | None = None,
     speed: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
@@ -2130,6 +2136,10 @@ def pgd(
         first output.
     throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
         number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    waypoints: the output with the waypoints of a network that plans: what their numbers are, the seconds between
+        them, and wheelbase in metres and full lock in degrees of the vehicle that follows them ({ output =
+        "waypoints", axes = "forward_left", interval = 0.5, wheelbase = 2.6, full_lock = 25 }); left out: as the
+        file beside the model says, or the network steers.
     speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
         (m/s; 0 to 100; default 8.0).
     Source: Madry et al., Towards Deep Learning Models Resistant to Adversarial Attacks, 2018; `expectation`:
@@ -2802,6 +2812,7 @@ def square_attack(
     state: Any | None = None,
     steering: Any | None = None,
     throttle: Any | None = None,
+    waypoints: Any | None = None,
     speed: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
@@ -2871,6 +2882,10 @@ def square_attack(
         first output.
     throttle: the output that gives the throttle, likewise; a number is a constant throttle ("OUTPUT", a table or a
         number); left out: as the file beside the model says, or the second output or number, or 0.3.
+    waypoints: the output with the waypoints of a network that plans: what their numbers are, the seconds between
+        them, and wheelbase in metres and full lock in degrees of the vehicle that follows them ({ output =
+        "waypoints", axes = "forward_left", interval = 0.5, wheelbase = 2.6, full_lock = 25 }); left out: as the
+        file beside the model says, or the network steers.
     speed: the speed that is given to a network with a speed input where the real one is not known, as for pictures
         (m/s; 0 to 100; default 8.0).
     Source: Andriushchenko et al., Square Attack: a query-efficient black-box adversarial attack via random search,

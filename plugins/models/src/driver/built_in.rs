@@ -2,14 +2,18 @@
 
 use super::dave2::Dave2;
 use super::dave2_augmented::Dave2Augmented;
+use super::dave2_hardened::Dave2Hardened;
 use super::dave2_temporal::Dave2Temporal;
 use super::dave2_tub::Dave2Tub;
+use super::waypoint_planner::WaypointPlanner;
 
-const ALL: [(&str, &[u8]); 4] = [
+const ALL: [(&str, &[u8]); 6] = [
     (Dave2::NAME, Dave2::CONTENT),
     (Dave2Augmented::NAME, Dave2Augmented::CONTENT),
+    (Dave2Hardened::NAME, Dave2Hardened::CONTENT),
     (Dave2Temporal::NAME, Dave2Temporal::CONTENT),
     (Dave2Tub::NAME, Dave2Tub::CONTENT),
+    (WaypointPlanner::NAME, WaypointPlanner::CONTENT),
 ];
 
 /// The content of the file of the network that drives under this name; nothing if it is none of these.
@@ -62,8 +66,10 @@ mod tests {
         let all = [
             Dave2::description(),
             Dave2Augmented::description(),
+            Dave2Hardened::description(),
             Dave2Temporal::description(),
             Dave2Tub::description(),
+            WaypointPlanner::description(),
         ];
         for description in all {
             let hash = blake3::hash(content(&description.name).unwrap()).to_hex().to_string();

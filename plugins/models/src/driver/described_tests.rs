@@ -5,9 +5,10 @@
 use std::path::PathBuf;
 
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{self, Map, Value};
+use pdk_sdk::serde_json::{self, Map, Value, json};
 
 use super::Onnx;
+use crate::driver::waypoint_planner::WaypointPlanner;
 use crate::gradient_tests::engines;
 
 /// Networks by name, each with steering and throttle for each frame.
@@ -120,4 +121,46 @@ fn described_networks_drive_on_frames_of_a_recording_as_in_a_plain_program() {
             assert!(difference < most, "{name} on {engine}: {difference}");
         }
     }
+}
+
+#[test]
+fn a_network_that_plans_drives_and_has_a_gradient() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/waypoint_planner.onnx");
+    let vehicle = json!({
+        "output": "waypoints", "axes": "right_forward", "interval": 0.25, "aim": 0.8, "origin": 1.3, "wheelbase": 2.6, "full_lock": 25, "gain": 0.86
+    });
+    let given = json!({"model": file, "waypoints": vehicle, "resize": "linear"});
+    let mut driver =
+        Onnx::new(&Config::check(&Onnx::description(), given.as_object().unwrap()).unwrap()).unwrap();
+    let mut own =
+        WaypointPlanner::new(&Config::check(&WaypointPlanner::description(), &Map::new()).unwrap()).unwrap();
+    let frame = road_frames(1).remove(0);
+    let cx = DriveContext { speed: 8.0, ..DriveContext::default() };
+    let control = driver.drive(frame.as_ref(), &cx).unwrap();
+    assert_eq!(own.drive(frame.as_ref(), &cx).unwrap(), control);
+    assert!(control.steering != 0.0 && control.throttle != 0.0, "a test that tells: {control:?}");
+    // Along the gradient, the steering changes as the gradient says.
+    let mut gradient = vec![0.0; frame.data().len()];
+    assert!((driver.gradient(frame.as_ref(), &cx, &mut gradient).unwrap() - control.steering).abs() < 1e-6);
+    let mut places: Vec<usize> = (0..gradient.len()).collect();
+    places.sort_by(|a, b| gradient[*b].abs().total_cmp(&gradient[*a].abs()));
+    let moved = |by: f32| {
+        let (mut bytes, mut expected) = (frame.data().to_vec(), 0.0);
+        for &place in &places[..200] {
+            let old = f32::from(bytes[place]);
+            let new = (old + by * gradient[place].signum()).clamp(0.0, 255.0);
+            bytes[place] = new as u8;
+            expected += f64::from(gradient[place]) * f64::from(new - old);
+        }
+        (FrameBuf::from_vec(bytes, frame.width(), frame.height()).unwrap(), expected)
+    };
+    for by in [-8.0, 8.0] {
+        let (frame, expected) = moved(by);
+        let change = driver.drive(frame.as_ref(), &cx).unwrap().steering - control.steering;
+        assert!((change - expected).abs() < 0.25 * expected.abs(), "{by}: {change} instead of {expected}");
+    }
+    let unknown = DriveContext { speed: f64::NAN, ..cx };
+    assert!(
+        driver.drive(frame.as_ref(), &unknown).unwrap_err().to_string().contains("takes the vehicle's speed")
+    );
 }

@@ -91,7 +91,7 @@ impl Viewer {
             Source::File(path) => Given::of(config, Some(path))?,
             Source::BuiltIn(_) => {
                 let mut given = Given::of(config, None)?;
-                trained::own_description(&mut given);
+                trained::own_description(config.text("model"), &mut given);
                 given
             }
         };

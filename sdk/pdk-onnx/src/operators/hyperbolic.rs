@@ -1,19 +1,99 @@
 //! Functions of angles and hyperbolic functions, and their inverses.
 
-use super::functions::each;
-use super::operator::{Operator, Rule, same};
+use pdk_sdk::error::Result;
+
+use super::functions::{each, times};
+use super::operator::{Operator, Parts, Rule, same};
+use crate::builder::Builder;
+use crate::site::Site;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("Tan", same, |_, x| each(x, libm::tan), Rule::Unknown),
-    Operator::new("Asin", same, |_, x| each(x, libm::asin), Rule::Unknown),
-    Operator::new("Acos", same, |_, x| each(x, libm::acos), Rule::Unknown),
-    Operator::new("Atan", same, |_, x| each(x, libm::atan), Rule::Unknown),
-    Operator::new("Sinh", same, |_, x| each(x, libm::sinh), Rule::Unknown),
-    Operator::new("Cosh", same, |_, x| each(x, libm::cosh), Rule::Unknown),
-    Operator::new("Asinh", same, |_, x| each(x, libm::asinh), Rule::Unknown),
-    Operator::new("Acosh", same, |_, x| each(x, libm::acosh), Rule::Unknown),
-    Operator::new("Atanh", same, |_, x| each(x, libm::atanh), Rule::Unknown),
+    Operator::new("Tan", same, |_, x| each(x, libm::tan), Rule::First(tan)),
+    Operator::new(
+        "Asin",
+        same,
+        |_, x| each(x, libm::asin),
+        Rule::First(|site, b, g| inverse(site, b, g, -1.0, 1.0, 1.0)),
+    ),
+    Operator::new(
+        "Acos",
+        same,
+        |_, x| each(x, libm::acos),
+        Rule::First(|site, b, g| inverse(site, b, g, -1.0, 1.0, -1.0)),
+    ),
+    Operator::new(
+        "Atan",
+        same,
+        |_, x| each(x, libm::atan),
+        Rule::First(|site, b, g| quotient(site, b, g, 1.0)),
+    ),
+    Operator::new(
+        "Sinh",
+        same,
+        |_, x| each(x, libm::sinh),
+        Rule::First(|site, b, g| other(site, b, g, "Cosh")),
+    ),
+    Operator::new(
+        "Cosh",
+        same,
+        |_, x| each(x, libm::cosh),
+        Rule::First(|site, b, g| other(site, b, g, "Sinh")),
+    ),
+    Operator::new(
+        "Asinh",
+        same,
+        |_, x| each(x, libm::asinh),
+        Rule::First(|site, b, g| inverse(site, b, g, 1.0, 1.0, 1.0)),
+    ),
+    Operator::new(
+        "Acosh",
+        same,
+        |_, x| each(x, libm::acosh),
+        Rule::First(|site, b, g| inverse(site, b, g, 1.0, -1.0, 1.0)),
+    ),
+    Operator::new(
+        "Atanh",
+        same,
+        |_, x| each(x, libm::atanh),
+        Rule::First(|site, b, g| quotient(site, b, g, -1.0)),
+    ),
 ];
+
+/// `g * (1 + tan(x)^2)`.
+fn tan(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let y = site.output(0)?;
+    let square = b.mul(y, y)?;
+    let slope = b.offset(&square, 1.0)?;
+    times(b, g, &slope)
+}
+
+/// `g * operator(x)`.
+fn other(site: &Site<'_>, b: &mut Builder, g: &str, operator: &str) -> Result<Parts> {
+    let slope = b.unary(operator, site.input(0)?)?;
+    times(b, g, &slope)
+}
+
+/// `g / (1 + sign * x^2)`.
+fn quotient(site: &Site<'_>, b: &mut Builder, g: &str, sign: f64) -> Result<Parts> {
+    let divisor = polynomial(site, b, sign, 1.0)?;
+    Ok(vec![(0, b.binary("Div", g, &divisor)?)])
+}
+
+/// `factor * g / sqrt(square * x^2 + term)`.
+fn inverse(site: &Site<'_>, b: &mut Builder, g: &str, square: f64, term: f64, factor: f64) -> Result<Parts> {
+    let radicand = polynomial(site, b, square, term)?;
+    let divisor = b.unary("Sqrt", &radicand)?;
+    let g = b.scale(g, factor)?;
+    Ok(vec![(0, b.binary("Div", &g, &divisor)?)])
+}
+
+/// `square * x^2 + term`.
+fn polynomial(site: &Site<'_>, b: &mut Builder, square: f64, term: f64) -> Result<String> {
+    let x = site.input(0)?;
+    let squared = b.mul(x, x)?;
+    let scaled = b.scale(&squared, square)?;
+    b.offset(&scaled, term)
+}
 
 #[cfg(test)]
 mod tests {

@@ -3,14 +3,16 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::inputs::{single, taken};
-use super::operator::{Operator, Rule, same};
+use super::operator::{Operator, Parts, Rule, same};
 use super::positions::{index, strides};
+use crate::attributes::int;
+use crate::builder::Builder;
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
-    Operator::new("CumSum", same, cumulate, Rule::Unknown),
+    Operator::new("CumSum", same, cumulate, Rule::First(gradient)),
     Operator::new("ReverseSequence", infer_reversed, reverse, Rule::Unknown),
 ];
 
@@ -33,6 +35,13 @@ fn cumulate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
         }
     }
     Ok(vec![result])
+}
+
+/// What is added to all later sums gets the sum of all later gradients.
+fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let attributes =
+        [int("exclusive", site.int("exclusive", 0)), int("reverse", i64::from(site.int("reverse", 0) == 0))];
+    Ok(vec![(0, b.node("CumSum", &[g, site.input(1)?], attributes.into())?)])
 }
 
 /// The axes of the batch and of the time.

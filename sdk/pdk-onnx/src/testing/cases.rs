@@ -62,6 +62,7 @@ const ALL: RangeInclusive<i64> = 7..=22;
 const IMAGE: &[usize] = &[1, 2, 5, 6];
 const WIDE: (f64, f64) = (-4.0, 4.0);
 const UNIT: (f64, f64) = (-1.0, 1.0);
+const INSIDE: (f64, f64) = (-0.75, 0.75);
 const POSITIVE: (f64, f64) = (0.5, 3.0);
 
 const fn case(
@@ -89,6 +90,12 @@ fn conv(s: &mut Sketch, operator: &str, weights: &[usize], settings: &[(&str, su
 
 fn unary(s: &mut Sketch, operator: &str) {
     s.node(operator, &["x"], "y", &[]);
+}
+
+fn cumulated(s: &mut Sketch, axis: i64, exclusive: bool, reverse: bool) {
+    let axis = s.weights("axis", Tensor { shape: Vec::new(), ..Tensor::ints(&[axis]) });
+    let attributes = [("exclusive", Int(exclusive.into())), ("reverse", Int(reverse.into()))];
+    s.node("CumSum", &["x", &axis], "y", &attributes);
 }
 
 /// `x` with weights on the right of an operator.
@@ -360,6 +367,15 @@ pub const CASES: &[Case] = &[
     case("reciprocal", ALL, IMAGE, POSITIVE, |s| unary(s, "Reciprocal")),
     case("sin", ALL, IMAGE, WIDE, |s| unary(s, "Sin")),
     case("cos", ALL, IMAGE, WIDE, |s| unary(s, "Cos")),
+    case("tan", ALL, IMAGE, UNIT, |s| unary(s, "Tan")),
+    case("asin", ALL, IMAGE, INSIDE, |s| unary(s, "Asin")),
+    case("acos", ALL, IMAGE, INSIDE, |s| unary(s, "Acos")),
+    case("atan", ALL, IMAGE, WIDE, |s| unary(s, "Atan")),
+    case("sinh", 9..=22, IMAGE, UNIT, |s| unary(s, "Sinh")),
+    case("cosh", 9..=22, IMAGE, UNIT, |s| unary(s, "Cosh")),
+    case("asinh", 9..=22, IMAGE, WIDE, |s| unary(s, "Asinh")),
+    case("acosh", 9..=22, IMAGE, (1.25, 4.0), |s| unary(s, "Acosh")),
+    case("atanh", 9..=22, IMAGE, INSIDE, |s| unary(s, "Atanh")),
     case("relu", ALL, IMAGE, UNIT, |s| unary(s, "Relu")),
     case("leaky_relu", ALL, IMAGE, UNIT, |s| s.node("LeakyRelu", &["x"], "y", &[("alpha", Float(0.25))])),
     case("elu", ALL, IMAGE, UNIT, |s| s.node("Elu", &["x"], "y", &[("alpha", Float(0.75))])),
@@ -655,6 +671,10 @@ pub const CASES: &[Case] = &[
     }),
     case("tile", ALL, &[2, 1, 3], UNIT, |s| tile(s, &[1, 4, 2])),
     case("tile/one_axis", ALL, &[5], UNIT, |s| tile(s, &[3])),
+    case("cum_sum", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 1, false, false)),
+    case("cum_sum/exclusive", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, -1, true, false)),
+    case("cum_sum/reverse", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 0, false, true)),
+    case("cum_sum/both", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 1, true, true)),
     case("trilu", 14..=22, &[2, 3, 4], UNIT, |s| unary(s, "Trilu")),
     case("trilu/lower", 14..=22, &[3, 4], UNIT, |s| {
         let k = s.weights("k", Tensor { shape: Vec::new(), ..Tensor::ints(&[1]) });

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use pdk_network::described::Described;
 use pdk_network::reason::Reason;
-use pdk_network::{Declared, Given, Outputs, Plan, seen};
+use pdk_network::{Declared, Given, Outputs, Plan, seen, waypoints};
 use pdk_notice::println;
 use pdk_onnx::layers::{self, Image, LEAST_CELLS, Layer, layers};
 use pdk_onnx::tensor::shape_text;
@@ -43,10 +43,13 @@ impl Reading {
     /// # Errors
     /// If the model cannot be read.
     pub fn of(path: &str) -> Result<Self> {
-        let model = model::read(Path::new(path))?;
+        let mut model = model::read(Path::new(path))?;
+        let given = Given::beside(Path::new(path)).and_then(|mut given| {
+            waypoints::follow(&mut model, &mut given)?;
+            Ok(given)
+        });
         let declared = Declared::of_model(&model);
         let graph = Graph::new(model);
-        let given = Given::beside(Path::new(path));
         let file =
             given.as_ref().ok().and_then(|given| given.file.as_ref()).map(|file| file.display().to_string());
         let plan = given.and_then(Described::new).and_then(|described| Plan::new(&declared, described));
