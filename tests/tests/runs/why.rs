@@ -50,6 +50,9 @@ fn both_parts_are_proven_by_drives_that_anyone_can_repeat() {
     let found = with("2");
     assert_eq!(found["not_needed"], json!(["gaussian_noise@0"]));
     assert_eq!(with("1"), found);
+    // The driver is not a network.
+    let unknown = found["derivative"]["unknown"].as_str().unwrap();
+    assert!(unknown.contains("does not say how its steering changes with a frame"), "{unknown}");
     let frames = |what: &str, place: usize| found[what]["frames"][place].as_u64().unwrap();
     let all = before["frames"].as_u64().unwrap();
     for what in ["sufficient", "necessary"] {

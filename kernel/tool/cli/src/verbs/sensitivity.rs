@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::Scenario;
 use pdk_notice::println;
 use pdk_preview::picture::to_frame;
+use pdk_record::ledger::Line;
 use pdk_replay::drives;
 use pdk_replay::shrink::script;
 use pdk_sdk::error::{Error, Place, Result};
@@ -105,6 +107,21 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// What is known of a recorded drive by its derivative, a sentence for each perturbation; or why that is not known.
+pub(super) fn sentences(search: &SearchPath, line: &Line, progress: &ProgressBar) -> Result<Vec<String>> {
+    let registry = Registry::discover(search, Box::new(LuaScripts::new(search)))?;
+    let mut rehearsal = Rehearsal::new(&registry, &line.scenario)?;
+    let mut count = |doing| progress.set_message(doing);
+    let driven = analysis::driven(&mut rehearsal, &line.outcome.digest, &mut count)?;
+    let found = Analysis::new(&mut rehearsal, driven, &mut count)?;
+    let names = names(&line.scenario);
+    Ok(names
+        .iter()
+        .enumerate()
+        .map(|(number, name)| format!("{name}: {}", sentence(&found, number)))
+        .collect())
+}
+
 /// Has a worker drive the smallest change, and writes it as a pipeline.
 fn prove(
     session: &mut Session,
@@ -195,7 +212,7 @@ fn write_pictures(folder: &Path, found: &Analysis, names: &[String]) -> Result<V
 
 fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
     let Analysis { driven, rate, sensitivity, perturbations } = found;
-    let seconds = |frame: usize| format!("{:.2} s", frame as f64 / rate);
+    let seconds = |frame| seconds(*rate, frame);
     let side = if sensitivity.side > 0.0 { "right" } else { "left" };
     println!(
         "The drive ended with {}. Its largest cross-track error is {:.2} m to the {side}, at {}.",
@@ -204,7 +221,7 @@ fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
         seconds(sensitivity.worst)
     );
     for (number, (name, known)) in names.iter().zip(perturbations).enumerate() {
-        println!("{name}: {}", sentence(found, number, known, &seconds));
+        println!("{name}: {}", sentence(found, number));
         let mut table = table(["level changed from", "m per level (derivative)", "by drives", ""]);
         for window in &known.windows {
             table.add_row([
@@ -242,14 +259,15 @@ fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
     println!("The search took {} drives and {} derivatives.", found.drives, found.sweeps);
 }
 
+/// The time of a frame.
+fn seconds(rate: f64, frame: usize) -> String {
+    format!("{:.2} s", frame as f64 / rate)
+}
+
 /// What a level decides, in words.
-fn sentence(
-    found: &Analysis,
-    number: usize,
-    known: &OfPerturbation,
-    seconds: &dyn Fn(usize) -> String,
-) -> String {
-    let OfPerturbation { holds, decides, .. } = known;
+fn sentence(found: &Analysis, number: usize) -> String {
+    let OfPerturbation { holds, decides, .. } = &found.perturbations[number];
+    let seconds = |frame| seconds(found.rate, frame);
     if holds.is_empty() {
         return "the derivative is not reliable here: drives at slightly different levels disagree with it"
             .to_owned();

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use pdk_notice::println;
 use pdk_replay::shrink::script;
 use pdk_replay::why::{Proof, Why, words};
-use pdk_sdk::error::{Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Value, json};
 
 use super::recorded::{self, Chosen, Driving};
 use super::workers::Workers;
-use super::{Global, print_json};
+use super::{Global, print_json, sensitivity};
 
 /// The two drives that prove a cause, as their files are called.
 const SUFFICIENT: &str = "sufficient";
@@ -42,12 +42,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let limits = arguments.workers.limits()?;
     let driving =
         Driving { verb: "why", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
-    let (replay, session, _) = recorded::open(global, scenario, driving, "not fail any more")?;
+    let (replay, session, search) = recorded::open(global, scenario, driving, "not fail any more")?;
+    let line = replay.lines().next().cloned();
     std::fs::create_dir_all(output).place(output.display())?;
     let films = [SUFFICIENT, NECESSARY].map(|name| output.join(format!("{name}.mp4")));
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
     let why = replay.why(session, clips.then(|| films.each_ref().map(PathBuf::as_path)), &progress)?;
-    progress.finish_and_clear();
     let sentences = sentences(&why);
     for (name, proof, sentence) in
         [(SUFFICIENT, &why.sufficient, &sentences[0]), (NECESSARY, &why.necessary, &sentences[1])]
@@ -57,12 +57,20 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         let path = output.join(file);
         pdk_sdk::file::write(&path, text.as_bytes()).place(path.display())?;
     }
+    let line = line.ok_or_else(|| Error::new("there is no scenario to explain"))?;
+    let derivative = sensitivity::sentences(&search, &line, &progress);
+    progress.finish_and_clear();
     if global.json {
+        let derivative = match derivative {
+            Ok(sentences) => json!(sentences),
+            Err(reason) => json!({"unknown": reason.to_string()}),
+        };
         return print_json(&json!({
             "sufficient": proof(&why.sufficient, why.interval, output, SUFFICIENT),
             "necessary": proof(&why.necessary, why.interval, output, NECESSARY),
             "not_needed": why.not_needed,
             "probes": why.probes,
+            "derivative": derivative,
         }));
     }
     for name in &why.not_needed {
@@ -70,6 +78,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     for sentence in &sentences {
         println!("{sentence}");
+    }
+    match derivative {
+        Ok(sentences) => sentences.iter().for_each(|sentence| println!("By the derivative, {sentence}")),
+        Err(reason) => println!("What the derivative says is not known: {reason}."),
     }
     println!("Proven by {} drives; {} repeats two of them", why.probes, output.join("*.lua").display());
     if *clips {
