@@ -52,6 +52,7 @@ mod driver {
     pub mod dave2_tub;
     pub mod onnx;
     pub mod trained;
+    pub mod transformer;
     pub mod waypoint_planner;
 }
 
@@ -133,6 +134,7 @@ pdk_sdk::export! {
         driver::dave2_hardened::Dave2Hardened,
         driver::dave2_temporal::Dave2Temporal,
         driver::dave2_tub::Dave2Tub,
+        driver::transformer::Transformer,
         driver::waypoint_planner::WaypointPlanner,
     ],
     perturbations: [

@@ -4,13 +4,14 @@ use pdk_sdk::error::Result;
 
 use crate::color::Color;
 use crate::declared::Element;
-use crate::gets::{Gets, inputs, state};
+use crate::gets::{Gets, Speed, inputs, state};
 use crate::given::Given;
 use crate::numbers::Scale;
 use crate::reading::{known, numbers, whole};
 use crate::region::{Length, Region};
 use crate::resize::Filter;
 use crate::rule::{Rule, Throttle, rule};
+use crate::waypoints;
 
 /// What is done with neighbouring frames of a stack.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,6 +68,8 @@ pub struct Described {
     pub steering: Option<Rule>,
     /// The throttle.
     pub throttle: Option<Throttle>,
+    /// The speed in metres per second that stands for one that is not known, for a network that plans.
+    pub assumed: Option<f64>,
 }
 
 impl Described {
@@ -148,9 +151,15 @@ impl Described {
                 }
                 _ => rule(&given, "throttle")?.map(Throttle::Output),
             },
+            assumed: waypoints::assumed(&given),
             given,
         };
         Ok(described)
+    }
+
+    /// A speed input with what stands for a speed that is not known, if it says nothing itself.
+    pub(crate) fn or_assumed(&self, speed: Speed) -> Speed {
+        Speed { assumed: speed.assumed.or(self.assumed), ..speed }
     }
 
     /// The type of the image's numbers that the description demands.

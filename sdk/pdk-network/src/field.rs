@@ -33,6 +33,11 @@ const fn field(name: &'static str, kind: Kind, default: &'static str, doc: &'sta
     Field { name, kind, default, doc }
 }
 
+/// The field with the waypoints of a network that plans, and what its value looks like.
+pub(crate) const WAYPOINTS: &str = "waypoints";
+pub(crate) const WAYPOINTS_EXAMPLE: &str =
+    "{ output = \"waypoints\", axes = \"forward_left\", interval = 0.5, wheelbase = 2.6, full_lock = 25 }";
+
 /// All fields, in the order in which a frame passes them.
 pub const FIELDS: [Field; 22] = [
     field(
@@ -150,8 +155,8 @@ pub const FIELDS: [Field; 22] = [
         "the output that gives the throttle, likewise; a number is a constant throttle",
     ),
     field(
-        crate::waypoints::FIELD,
-        Kind::Free(crate::waypoints::EXAMPLE),
+        WAYPOINTS,
+        Kind::Free(WAYPOINTS_EXAMPLE),
         "the network steers",
         "the output with the waypoints of a network that plans: what their numbers are, the seconds between them, and wheelbase in metres and full \
          lock in degrees of the vehicle that follows them",
@@ -159,7 +164,7 @@ pub const FIELDS: [Field; 22] = [
 ];
 
 /// The fields that say what outputs mean to a driver; the others say what goes in.
-const OF_OUTPUTS: [&str; 3] = ["steering", "throttle", crate::waypoints::FIELD];
+const OF_OUTPUTS: [&str; 3] = ["steering", "throttle", WAYPOINTS];
 
 /// The parameters of a component that reads a description.
 pub fn parameters(description: Description) -> Description {

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use pdk_sdk::error::{Error, Result};
 
 use crate::plan::{Fill, Plan};
+use crate::waypoints;
 
 /// The values of a network's inputs.
 #[derive(Debug, Clone)]
@@ -60,11 +61,15 @@ impl Inputs {
         for ((fill, values), name) in self.fills.iter().zip(&mut self.values).zip(&self.names) {
             let Fill::Speed(taken) = fill else { continue };
             let known = Some(speed).filter(|speed| speed.is_finite()).or(taken.assumed);
-            let known = known.ok_or_else(|| {
-                Error::new(format!(
+            let known = known.ok_or_else(|| match name.as_str() {
+                waypoints::SPEED => Error::new(
+                    "the controller of its waypoints takes the vehicle's speed, which is not known here, because the recording does not have it; set `assumed` in \
+                     `waypoints` to one in m/s that stands for it",
+                ),
+                name => Error::new(format!(
                     "its input `{name}` takes the vehicle's speed, which is not known here, because the recording does not have it; describe one that stands \
                      for it, as in inputs = {{ {name} = {{ value = \"speed\", assumed = 8 }} }}"
-                ))
+                )),
             })?;
             values.fill(taken.number(known));
         }

@@ -10,6 +10,7 @@ use crate::image::{Image, color, find_image, scale};
 use crate::numbers::Scale;
 use crate::reading::refuse_unknown;
 use crate::reason::{Reason, assumptions, because, given};
+use crate::waypoints;
 
 /// The name of an input for the speed.
 const SPEED: &str = "speed";
@@ -115,6 +116,15 @@ impl Plan {
                 ));
             }
         }
+        if let Some((value, place)) = waypoints::in_force(&described.given)? {
+            because(
+                &mut reasons,
+                "waypoints",
+                value,
+                format!("{place} says so, with defaults for what it leaves out"),
+                false,
+            );
+        }
         let outputs = declared.outputs.iter().map(|port| port.name.clone()).collect();
         Ok(Self { described, inputs, image, color, scale, outputs, reasons })
     }
@@ -162,7 +172,7 @@ fn fills(declared: &Declared, described: &Described, reasons: &mut Vec<Reason>) 
         fills.push(if let Some(gets) = of_inputs {
             let (fill, value) = match gets {
                 Gets::Image => (Fill::Image, "the image"),
-                Gets::Speed(speed) => (Fill::Speed(*speed), "the speed"),
+                Gets::Speed(speed) => (Fill::Speed(described.or_assumed(*speed)), "the speed"),
                 Gets::Controls => (Fill::Controls, "the controls before"),
                 Gets::Constant(list) => (Fill::Constant(list.clone()), "constants"),
             };
@@ -176,9 +186,12 @@ fn fills(declared: &Declared, described: &Described, reasons: &mut Vec<Reason>) 
             let value = format!("what `{}` was at the frame before", declared.outputs[output].name);
             because(reasons, &subject, value, "the names of the two say so", false);
             Some(Fill::State(output))
+        } else if name == waypoints::SPEED {
+            because(reasons, &subject, "the speed in m/s", "the controller of its waypoints takes it", false);
+            Some(Fill::Speed(described.or_assumed(Speed::PLAIN)))
         } else if name == SPEED && declared.inputs.len() > 1 {
             because(reasons, &subject, "the speed in m/s", "it is called so; nothing says the unit", true);
-            Some(Fill::Speed(Speed::PLAIN))
+            Some(Fill::Speed(described.or_assumed(Speed::PLAIN)))
         } else {
             None
         });

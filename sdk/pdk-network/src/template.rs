@@ -1,7 +1,7 @@
 //! The description of a network to complete, in TOML: what is known is filled in, what is assumed is marked, and the other fields are
 //! there as comments.
 
-use crate::field::{FIELDS, Field, Kind};
+use crate::field::{FIELDS, Field, Kind, WAYPOINTS, WAYPOINTS_EXAMPLE};
 use crate::plan::{Fill, Plan};
 use crate::reason::Reason;
 
@@ -151,7 +151,7 @@ fn example(name: &str) -> &'static str {
         "differences" => "\"only\"",
         "inputs" => "{ image = \"image\", speed = { value = \"speed\", unit = \"m/s\" } }",
         "state" => "{ hidden_in = \"hidden_out\" }",
-        crate::waypoints::FIELD => crate::waypoints::EXAMPLE,
+        WAYPOINTS => WAYPOINTS_EXAMPLE,
         "steering" => "{ output = \"angle\", bins = { from = -1.0, to = 1.0, count = 15 } }",
         _ => "0.3",
     }

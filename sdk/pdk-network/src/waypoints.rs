@@ -3,27 +3,24 @@
 //!
 //! The controller becomes part of the graph, so that whatever runs, explains or differentiates a network that steers does so with one that plans.
 
+use pdk_onnx::Graph;
 use pdk_onnx::proto::{
     AttributeProto, GraphProto, ModelProto, NodeProto, TensorProto, ValueInfoProto, attribute_type,
 };
+use pdk_onnx::tensor::shape_text;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::serde_json::{Map, Value, json};
 
 use crate::declared::{Declared, Element, Port};
+use crate::field::{WAYPOINTS as FIELD, WAYPOINTS_EXAMPLE as EXAMPLE};
 use crate::given::Given;
 use crate::reading::{known, refuse_unknown, whole};
 use crate::suggest::hint;
 
-/// The field.
-pub(crate) const FIELD: &str = "waypoints";
-/// What a value looks like, for messages and the template.
-pub(crate) const EXAMPLE: &str =
-    "{ output = \"waypoints\", axes = \"forward_left\", interval = 0.5, wheelbase = 2.6, full_lock = 25 }";
-
 /// What the controller's outputs are called, and its input.
 const STEERING: &str = "waypoints/steering";
 const THROTTLE: &str = "waypoints/throttle";
-const SPEED: &str = "waypoints/speed";
+pub(crate) const SPEED: &str = "waypoints/speed";
 
 /// The names of axes: what the first two numbers of a waypoint are, each with its share of the distance to the right and ahead.
 const AXES: [(&str, [[f64; 2]; 2]); 4] = [
@@ -33,8 +30,10 @@ const AXES: [(&str, [[f64; 2]; 2]); 4] = [
     ("right_forward", [[1.0, 0.0], [0.0, 1.0]]),
 ];
 
-/// Metres below which distances count as this, so that nothing is divided by zero.
-const LEAST_DISTANCE: f64 = 1e-3;
+/// Metres below which a step counts as this long, so that its length has a gradient.
+const LEAST_STEP: f64 = 1e-3;
+/// Steps are taken to be backwards below this many metres ahead, and in full above it.
+const AHEAD: f64 = 1e-6;
 
 /// A description of waypoints.
 struct Waypoints {
@@ -54,12 +53,10 @@ struct Waypoints {
     full_lock: f64,
     /// Seconds to the point that is steered for.
     aim: f64,
-    /// Metres below which that point is moved out.
+    /// Metres to that point below which steering fades.
     nearest: f64,
     /// Throttle for each m/s that the vehicle is too slow.
     gain: f64,
-    /// Metres per second that stand for a speed that is not known.
-    assumed: Option<f64>,
 }
 
 /// The keys that are numbers: the least and the greatest of each, and what it is.
@@ -70,7 +67,7 @@ const NUMBERS: [(&str, f64, f64, &str); 9] = [
     ("wheelbase", 0.01, 100.0, "the metres between the axles"),
     ("full_lock", 1.0, 89.0, "the degrees of the front wheels that steering 1 stands for"),
     ("aim", 1e-3, 60.0, "the seconds to the point that is steered for"),
-    ("nearest", 0.01, 1000.0, "the least metres to the point that is steered for"),
+    ("nearest", 0.01, 1000.0, "the metres to the point that is steered for below which steering fades"),
     ("gain", 0.0, 1000.0, "the throttle for each m/s that the vehicle is too slow"),
     ("assumed", 0.0, 100.0, "the m/s that stand for a speed that is not known"),
 ];
@@ -115,7 +112,8 @@ impl Waypoints {
                 wrong("numbers", value, "write how many numbers each waypoint has, at least 2")
             })?,
         };
-        let interval = needed("interval")?;
+        number("assumed")?;
+        let (interval, wheelbase) = (needed("interval")?, needed("wheelbase")?);
         Ok(Self {
             output,
             axes: *axes,
@@ -123,12 +121,11 @@ impl Waypoints {
             scale: number("scale")?.unwrap_or(1.0),
             interval,
             origin: number("origin")?.unwrap_or(0.0),
-            wheelbase: needed("wheelbase")?,
+            wheelbase,
             full_lock: needed("full_lock")?.to_radians(),
             aim: number("aim")?.unwrap_or(interval.max(0.8)),
-            nearest: number("nearest")?.unwrap_or(4.0),
+            nearest: number("nearest")?.unwrap_or(wheelbase / 2.0),
             gain: number("gain")?.unwrap_or(0.5),
-            assumed: number("assumed")?,
         })
     }
 
@@ -147,40 +144,51 @@ impl Waypoints {
         port.ok_or_else(|| Error::new("it has no outputs"))
     }
 
+    /// How many waypoints an output of this shape has.
+    fn count(&self, given: &Given, name: &str, shape: &[usize]) -> Result<usize> {
+        let all: usize = shape.iter().product();
+        let rows = shape.len() < 3 || shape[shape.len() - 1] == self.numbers;
+        if all == 0 || !all.is_multiple_of(self.numbers) || !rows {
+            return Err(given.wrong(
+                FIELD,
+                format_args!(
+                    "takes the output `{name}` of shape {}, which is not {} numbers for each waypoint; set `numbers`, or have the network give one waypoint \
+                     after the other",
+                    shape_text(shape),
+                    self.numbers
+                ),
+            ));
+        }
+        // One axis for the waypoints and one for their numbers: what is before those is other plans.
+        let plans: usize = shape[..shape.len().saturating_sub(2)].iter().product();
+        if plans > 1 {
+            return Err(given.wrong(
+                FIELD,
+                format_args!(
+                    "takes the output `{name}` of shape {}, which holds {plans} plans; have the network choose one",
+                    shape_text(shape)
+                ),
+            ));
+        }
+        Ok(all / self.numbers)
+    }
+
     /// Sums of an output's numbers, two of them: the point that is steered for, to the right and ahead; and the metres to the right and ahead from the
     /// waypoint before that point to the one after it.
-    fn sums(&self, given: &Given, port: &Port) -> Result<[Vec<f32>; 2]> {
-        let count = port.values().ok_or_else(|| {
-            given.wrong(
-                FIELD,
-                format_args!(
-                    "takes the output `{}` of shape {}, which is left open; export the network with a fixed shape",
-                    port.name,
-                    port.shape_text()
-                ),
-            )
-        })?;
-        let waypoints = count / self.numbers;
-        if count == 0 || !count.is_multiple_of(self.numbers) {
+    fn sums(&self, given: &Given, name: &str, waypoints: usize) -> Result<[Vec<f32>; 2]> {
+        // Seconds are written in decimals, whose quotients are whole only nearly.
+        let rounded = |number: f64| (number * 1e9).round() / 1e9;
+        let (count, place) = (waypoints * self.numbers, rounded(self.aim / self.interval));
+        if place > waypoints as f64 {
             return Err(given.wrong(
                 FIELD,
                 format_args!(
-                    "takes the output `{}`, which has {count} numbers, and that is not {} for each waypoint; set `numbers`",
-                    port.name, self.numbers
+                    "steers for the point in {} s, but the {waypoints} waypoints of the output `{name}` end after {} s; set a smaller `aim`",
+                    self.aim,
+                    rounded(waypoints as f64 * self.interval)
                 ),
             ));
         }
-        let end = waypoints as f64 * self.interval;
-        if self.aim > end {
-            return Err(given.wrong(
-                FIELD,
-                format_args!(
-                    "steers for the point in {} s, but the {waypoints} waypoints of the output `{}` end after {end} s; set a smaller `aim`",
-                    self.aim, port.name
-                ),
-            ));
-        }
-        let place = self.aim / self.interval;
         let after = (place.ceil() as usize).clamp(1, waypoints) - 1;
         let share = place - after as f64;
         let mut sums = [vec![0.0; 2 * count], vec![0.0; 2 * count]];
@@ -206,6 +214,27 @@ pub fn describes(given: &Given) -> bool {
     given.get(FIELD).is_some()
 }
 
+/// The speed in metres per second that stands for one that is not known; none without waypoints.
+pub(crate) fn assumed(given: &Given) -> Option<f64> {
+    given.get(FIELD).and_then(|(value, _)| value.get("assumed")).and_then(Value::as_f64)
+}
+
+/// What is in force, for people.
+///
+/// # Errors
+/// If the description cannot be.
+pub(crate) fn in_force(given: &Given) -> Result<Option<(String, &str)>> {
+    let Some((Value::Object(table), place)) = given.get(FIELD) else { return Ok(None) };
+    let Waypoints { numbers, scale, interval, origin, aim, nearest, gain, .. } =
+        Waypoints::read(given, table)?;
+    let axes = table.get("axes").and_then(Value::as_str).unwrap_or_default();
+    let text = format!(
+        "{numbers} numbers each, {axes}, {scale} m a unit, {interval} s apart, counted from {origin} m ahead of the rear axle; steers for the point in {aim} s, \
+         fading below {nearest} m; throttle {gain} for each m/s"
+    );
+    Ok(Some((text, place)))
+}
+
 /// Adds a controller to a model if its waypoints are described, and describes the controller's outputs.
 ///
 /// # Errors
@@ -222,7 +251,12 @@ pub fn follow(model: &mut ModelProto, given: &mut Given) -> Result<()> {
     let waypoints = Waypoints::read(given, &table)?;
     let declared = Declared::of_model(model);
     let port = waypoints.port(given, &declared)?;
-    let sums = waypoints.sums(given, port)?;
+    let shape = match port.batch_of_one().filter(|shape| !shape.is_empty()) {
+        Some(shape) => shape,
+        // What the file leaves open often follows from its nodes.
+        None => Graph::new(model.clone())?.fact(&port.name)?.shape.clone(),
+    };
+    let sums = waypoints.sums(given, &port.name, waypoints.count(given, &port.name, &shape)?)?;
     let graph = model.graph.get_or_insert_default();
     let mut controller = Controller { graph };
     let numbers = controller.flat(port);
@@ -235,15 +269,6 @@ pub fn follow(model: &mut ModelProto, given: &mut Given) -> Result<()> {
         let throttle = controller.keep_up(&waypoints, &step);
         controller.output(&throttle, THROTTLE);
         given.set("throttle", json!({"output": THROTTLE}), &place);
-        let mut inputs = match given.get("inputs") {
-            Some((Value::Object(inputs), _)) => inputs.clone(),
-            _ => Map::new(),
-        };
-        inputs.insert(SPEED.to_owned(), json!({"value": "speed"}));
-        if let Some(assumed) = waypoints.assumed {
-            inputs.insert(SPEED.to_owned(), json!({"value": "speed", "assumed": assumed}));
-        }
-        given.set("inputs", Value::Object(inputs), &place);
     }
     Ok(())
 }
@@ -319,34 +344,38 @@ impl Controller<'_> {
         self.node("MatMul", &[row, &weights], Vec::new())
     }
 
-    /// The length of a vector in a row.
-    fn length(&mut self, vector: &str) -> String {
+    /// The square of the length of a vector in a row.
+    fn square(&mut self, vector: &str) -> String {
         let squares = self.node("Mul", &[vector, vector], Vec::new());
         let ones = self.numbers(2, &[1.0, 1.0]);
-        let sum = self.node("MatMul", &[&squares, &ones], Vec::new());
-        let sum = self.with("Max", &sum, LEAST_DISTANCE * LEAST_DISTANCE);
-        self.node("Sqrt", &[&sum], Vec::new())
+        self.node("MatMul", &[&squares, &ones], Vec::new())
     }
 
     /// The steering towards a point to the right and ahead of where waypoints are counted from.
     fn pursue(&mut self, waypoints: &Waypoints, target: &str) -> String {
         let origin = self.numbers(1, &[0.0, waypoints.origin as f32]);
         let target = self.node("Add", &[target, &origin], Vec::new());
-        let distance = self.length(&target);
-        // A point that is too near counts as one farther out in the same direction.
-        let reach = self.with("Max", &distance, waypoints.nearest);
-        let product = self.node("Mul", &[&distance, &reach], Vec::new());
+        let square = self.square(&target);
+        let square = self.with("Max", &square, waypoints.nearest * waypoints.nearest);
         let first = self.numbers(2, &[1.0, 0.0]);
         let right = self.node("MatMul", &[&target, &first], Vec::new());
         let right = self.with("Mul", &right, 2.0 * waypoints.wheelbase);
-        let tangent = self.node("Div", &[&right, &product], Vec::new());
+        let tangent = self.node("Div", &[&right, &square], Vec::new());
         let angle = self.node("Atan", &[&tangent], Vec::new());
         self.with("Div", &angle, waypoints.full_lock)
     }
 
-    /// The throttle for a planned step of one interval.
+    /// The throttle for a planned step of one interval. A step backwards is to stand still.
     fn keep_up(&mut self, waypoints: &Waypoints, step: &str) -> String {
-        let distance = self.length(step);
+        let square = self.square(step);
+        let square = self.with("Max", &square, LEAST_STEP * LEAST_STEP);
+        let length = self.node("Sqrt", &[&square], Vec::new());
+        let second = self.numbers(2, &[0.0, 1.0]);
+        let ahead = self.node("MatMul", &[step, &second], Vec::new());
+        let ahead = self.with("Div", &ahead, AHEAD);
+        let ahead = self.node("Relu", &[&ahead], Vec::new());
+        let ahead = self.with("Min", &ahead, 1.0);
+        let distance = self.node("Mul", &[&length, &ahead], Vec::new());
         let planned = self.with("Div", &distance, waypoints.interval);
         let lacking = self.node("Sub", &[&planned, SPEED], Vec::new());
         self.with("Mul", &lacking, waypoints.gain)

@@ -1,12 +1,13 @@
 //! The controller against its equations, in 64-bit floats.
 
-use pdk_onnx::proto::{NodeProto, OperatorSetIdProto};
-use pdk_onnx::{Graph, inference};
+use pdk_onnx::inference;
+use pdk_onnx::proto::{DimensionProto, OperatorSetIdProto};
 use pdk_sdk::serde_json::json;
 
 use super::*;
 use crate::Plan;
 use crate::described::Described;
+use crate::gets::Speed;
 use crate::plan::Fill;
 
 /// A network whose output is its only other input.
@@ -105,33 +106,95 @@ fn every_order_of_axes_means_the_same() {
 
 #[test]
 fn a_plan_to_stand_still_brakes_and_steers_gently() {
-    let [steering, throttle] = drive(&vehicle(), &[0.0; 8], 5.0);
-    assert!(steering == 0.0 && (throttle + 2.5).abs() < 5e-3, "{steering} {throttle}");
-    // 0.2 m to the right, 0.2 m ahead of the origin: as 4 m away in that direction.
     let table = json!({"axes": "right_forward", "interval": 0.8, "wheelbase": 2.6, "full_lock": 25});
-    let [steering, _] = drive(&table, &[0.2, 0.2], 0.0);
-    let expected = (2.6 * 2.0 * (4.0 / 2f64.sqrt()) / 16.0).atan() / 25f64.to_radians();
-    assert!((steering - expected).abs() < 1e-6, "{steering} {expected}");
+    for right in [0.0, 0.02, -0.02] {
+        let [steering, throttle] = drive(&table, &[right, 0.01], 5.0);
+        assert!(steering.abs() < 0.15 && steering * f64::from(right) >= 0.0, "{right}: {steering}");
+        assert!((throttle + 2.5).abs() < 0.02, "{throttle}");
+    }
+    // What is near is pursued as it is down to half the wheelbase, also by a small vehicle: on a circle of 1 m.
+    let small = json!({"axes": "right_forward", "interval": 0.8, "wheelbase": 0.165, "full_lock": 25});
+    let [steering, _] = drive(&small, &[1.0 - 0.8f32.cos(), 0.8f32.sin()], 1.0);
+    let expected = 0.165f64.atan() / 25f64.to_radians();
+    assert!((steering - expected).abs() < 1e-5, "{steering} {expected}");
+}
+
+#[test]
+fn a_plan_backwards_is_to_stand_still() {
+    let [_, throttle] = drive(&vehicle(), &[0.0, -2.0, 0.0, -4.0, 0.0, -6.0, 0.0, -8.0], 8.0);
+    assert!((throttle + 4.0).abs() < 1e-6, "{throttle}");
+}
+
+#[test]
+fn seconds_in_decimals_are_meant_as_they_are_written() {
+    // Six times 0.15 is less than 0.9 in binary, and 0.07 / 0.01 more than 7.
+    let plan = [0.0, 1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0, 0.0, 5.0, 0.0, 7.0, 0.0, 8.0, 0.0, 12.0];
+    for (interval, aim, count, step) in [(0.15, 0.9, 6, 2.0), (0.01, 0.07, 8, 1.0)] {
+        let mut table = vehicle();
+        (table["interval"], table["aim"], table["gain"]) = (json!(interval), json!(aim), json!(1));
+        let [_, throttle] = drive(&table, &plan[..2 * count], 0.0);
+        assert!((throttle - step / interval).abs() < 1e-4, "{interval}, {aim}: {throttle}");
+    }
 }
 
 #[test]
 fn the_controller_is_described_and_takes_the_speed() {
-    let mut model = planner(8);
     let mut table = vehicle();
     table["assumed"] = json!(8);
-    let mut given = given(json!({"waypoints": table, "inputs": {"image": "image", "plan": [0.0]}}));
-    follow(&mut model, &mut given).unwrap();
-    let plan = Plan::new(&Declared::of_model(&model), Described::new(given).unwrap()).unwrap();
-    let Fill::Speed(speed) = plan.inputs[2].fill else { panic!("{:?}", plan.inputs[2]) };
+    let plan = |inputs: Value| {
+        let mut model = planner(8);
+        let mut given = given(json!({"waypoints": table, "inputs": inputs}));
+        follow(&mut model, &mut given).unwrap();
+        Plan::new(&Declared::of_model(&model), Described::new(given).unwrap()).unwrap()
+    };
+    let found = plan(json!({"image": "image", "plan": [0.0]}));
+    assert_eq!((found.outputs[1].as_str(), found.outputs[2].as_str()), (STEERING, THROTTLE));
+    let Fill::Speed(speed) = found.inputs[2].fill else { panic!("{:?}", found.inputs[2]) };
+    assert_eq!(speed.assumed, Some(8.0));
     assert_eq!(
-        (plan.outputs[1].as_str(), plan.outputs[2].as_str(), speed.assumed),
-        (STEERING, THROTTLE, Some(8.0))
+        found.described.or_assumed(Speed::PLAIN).assumed,
+        Some(8.0),
+        "for the network's own speed too"
     );
+    assert!(
+        found
+            .reasons
+            .iter()
+            .any(|reason| reason.subject == "waypoints" && reason.value.contains("0.25 s apart"))
+    );
+    let own = plan(json!({"image": "image", "plan": [0.0], SPEED: {"value": "speed", "assumed": 3}}));
+    let Fill::Speed(speed) = own.inputs[2].fill else { panic!("{:?}", own.inputs[2]) };
+    assert_eq!(speed.assumed, Some(3.0));
     // With a throttle of its own it needs no speed.
     let mut model = planner(8);
     follow(&mut model, &mut self::given(json!({"waypoints": vehicle(), "throttle": 0.2}))).unwrap();
     let declared = Declared::of_model(&model);
     assert_eq!((declared.inputs.len(), declared.outputs.len()), (2, 2));
+}
+
+#[test]
+fn waypoints_come_one_after_the_other_and_in_one_plan() {
+    let shaped = |shape: &[usize], numbers: usize| {
+        let mut model = planner(shape.iter().product());
+        let graph = model.graph.as_mut().unwrap();
+        graph.input[1] = ValueInfoProto::tensor("plan", FLOAT, shape);
+        graph.output[0] = ValueInfoProto::tensor("waypoints", FLOAT, shape);
+        let mut table = vehicle();
+        table["numbers"] = json!(numbers);
+        follow(&mut model, &mut given(json!({"waypoints": table}))).map_err(|error| error.to_string())
+    };
+    for (shape, numbers) in [(&[1, 4, 2][..], 2), (&[4, 2], 2), (&[1, 12], 3), (&[8], 2), (&[1, 1, 4, 3], 3)]
+    {
+        shaped(shape, numbers).unwrap();
+    }
+    for (shape, numbers, expected) in [
+        (&[1, 4, 3][..], 2, "of shape (1, 4, 3), which is not 2 numbers for each waypoint; set `numbers`"),
+        (&[1, 2, 4], 2, "of shape (1, 2, 4), which is not 2 numbers for each waypoint"),
+        (&[1, 3, 4, 2], 2, "of shape (1, 3, 4, 2), which holds 3 plans; have the network choose one"),
+    ] {
+        let error = shaped(shape, numbers).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 #[test]
@@ -161,7 +224,7 @@ fn every_description_that_cannot_be_is_an_error_with_a_remedy() {
         (with("numbers", json!(1)), "has 1 as `numbers`"),
         (
             with("numbers", json!(3)),
-            "which has 8 numbers, and that is not 3 for each waypoint; set `numbers`",
+            "of shape (1, 8), which is not 3 numbers for each waypoint; set `numbers`",
         ),
         (
             with("aim", json!(2)),
@@ -176,15 +239,18 @@ fn every_description_that_cannot_be_is_an_error_with_a_remedy() {
         let error = follow(&mut planner(8), &mut given(fields)).unwrap_err().to_string();
         assert!(error.starts_with("pilot.toml line 1: ") && error.contains(expected), "{error}");
     }
+}
+
+#[test]
+fn a_shape_that_is_left_open_follows_from_the_nodes() {
     let mut open = planner(8);
-    let graph = open.graph.as_mut().unwrap();
-    graph.output[0] = ValueInfoProto::tensor("waypoints", FLOAT, &[1, 8]);
-    let shape =
-        graph.output[0].r#type.as_mut().unwrap().tensor_type.as_mut().unwrap().shape.as_mut().unwrap();
-    (shape.dim[1].dim_value, shape.dim[1].dim_param) = (None, Some("count".to_owned()));
-    let error = follow(&mut open, &mut given(json!({"waypoints": vehicle()}))).unwrap_err().to_string();
-    assert!(
-        error.contains("of shape (1, count), which is left open; export the network with a fixed shape"),
-        "{error}"
-    );
+    let shape = |open: &mut ModelProto| {
+        let tensor =
+            open.graph.as_mut().unwrap().output[0].r#type.as_mut().unwrap().tensor_type.as_mut().unwrap();
+        tensor.shape.as_mut().unwrap().dim[1] =
+            DimensionProto { dim_value: None, dim_param: Some("count".to_owned()) };
+    };
+    shape(&mut open);
+    follow(&mut open, &mut given(json!({"waypoints": vehicle()}))).unwrap();
+    assert_eq!(open.graph.unwrap().output.len(), 3);
 }

@@ -1,9 +1,11 @@
 //! `pdk gradient`: the exact gradient of a network, as a network.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use pdk_network::{Given, waypoints};
 use pdk_notice::println;
 use pdk_onnx::objective::{self, Objective};
+use pdk_onnx::proto::ModelProto;
 use pdk_onnx::tensor::shape_text;
 use pdk_onnx::{Graph, model};
 use pdk_sdk::error::{Place, Result};
@@ -40,12 +42,19 @@ fn help() -> String {
     )
 }
 
+/// Reads a network; one that plans waypoints comes with its controller, if the file beside it describes it.
+fn read(path: &Path) -> Result<ModelProto> {
+    let mut model = model::read(path)?;
+    waypoints::follow(&mut model, &mut Given::beside(path)?)?;
+    Ok(model)
+}
+
 /// Writes the network.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Arguments { model, output, of, by } = arguments;
     check_output(model, output)?;
     let place = format!("network `{}`", model.display());
-    let graph = model::read(model).and_then(Graph::new).place(&place)?;
+    let graph = read(model).and_then(Graph::new).place(&place)?;
     let objective = match of {
         Some(text) => Objective::parse(text, &graph),
         None => Objective::only(&graph).map_err(|error| error.at("--of is missing")),

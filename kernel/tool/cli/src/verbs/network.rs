@@ -44,14 +44,15 @@ impl Reading {
     /// If the model cannot be read.
     pub fn of(path: &str) -> Result<Self> {
         let mut model = model::read(Path::new(path))?;
-        let given = Given::beside(Path::new(path)).and_then(|mut given| {
+        let given = Given::beside(Path::new(path));
+        let file =
+            given.as_ref().ok().and_then(|given| given.file.as_ref()).map(|file| file.display().to_string());
+        let given = given.and_then(|mut given| {
             waypoints::follow(&mut model, &mut given)?;
             Ok(given)
         });
         let declared = Declared::of_model(&model);
         let graph = Graph::new(model);
-        let file =
-            given.as_ref().ok().and_then(|given| given.file.as_ref()).map(|file| file.display().to_string());
         let plan = given.and_then(Described::new).and_then(|described| Plan::new(&declared, described));
         let mut reading = Self { declared, graph, file, drives: Err(Error::new("")), plan };
         reading.drives = reading.find_drives();

@@ -48,6 +48,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let films = [SUFFICIENT, NECESSARY].map(|name| output.join(format!("{name}.mp4")));
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
     let why = replay.why(session, clips.then(|| films.each_ref().map(PathBuf::as_path)), &progress)?;
+    progress.finish_and_clear();
     let sentences = sentences(&why);
     for (name, proof, sentence) in
         [(SUFFICIENT, &why.sufficient, &sentences[0]), (NECESSARY, &why.necessary, &sentences[1])]
@@ -57,35 +58,41 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         let path = output.join(file);
         pdk_sdk::file::write(&path, text.as_bytes()).place(path.display())?;
     }
-    let line = line.ok_or_else(|| Error::new("there is no scenario to explain"))?;
-    let derivative = sensitivity::sentences(&search, &line, &progress);
+    if !global.json {
+        for name in &why.not_needed {
+            println!("{name} is not needed.");
+        }
+        for sentence in &sentences {
+            println!("{sentence}");
+        }
+        println!("Proven by {} drives; {} repeats two of them", why.probes, output.join("*.lua").display());
+        if *clips {
+            println!("Clips: {}", films.each_ref().map(|film| film.display().to_string()).join(" "));
+        }
+    }
+    // Last, since it runs the components in this process: what is proven is written by now.
+    let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
+    let derivative = match &line {
+        Some(line) => sensitivity::sentences(&search, line, &progress),
+        None => Err(Error::new("there is no scenario")),
+    };
     progress.finish_and_clear();
     if global.json {
-        let derivative = match derivative {
-            Ok(sentences) => json!(sentences),
-            Err(reason) => json!({"unknown": reason.to_string()}),
+        let (known, unknown) = match derivative {
+            Ok(sentences) => (sentences, None),
+            Err(reason) => (Vec::new(), Some(reason.to_string())),
         };
         return print_json(&json!({
             "sufficient": proof(&why.sufficient, why.interval, output, SUFFICIENT),
             "necessary": proof(&why.necessary, why.interval, output, NECESSARY),
             "not_needed": why.not_needed,
             "probes": why.probes,
-            "derivative": derivative,
+            "derivative": {"sentences": known, "unknown": unknown},
         }));
     }
-    for name in &why.not_needed {
-        println!("{name} is not needed.");
-    }
-    for sentence in &sentences {
-        println!("{sentence}");
-    }
     match derivative {
-        Ok(sentences) => sentences.iter().for_each(|sentence| println!("By the derivative, {sentence}")),
-        Err(reason) => println!("What the derivative says is not known: {reason}."),
-    }
-    println!("Proven by {} drives; {} repeats two of them", why.probes, output.join("*.lua").display());
-    if *clips {
-        println!("Clips: {}", films.each_ref().map(|film| film.display().to_string()).join(" "));
+        Ok(sentences) => sentences.iter().for_each(|sentence| println!("Derivative: {sentence}")),
+        Err(reason) => println!("Derivative: not known, because {reason}."),
     }
     Ok(())
 }
