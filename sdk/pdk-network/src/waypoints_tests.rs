@@ -60,19 +60,19 @@ fn drive(table: &Value, plan: &[f32], speed: f32) -> [f64; 2] {
 #[test]
 fn the_controller_pursues_the_plan() {
     // Waypoints on a circle of 50 m to the right, at 10 m/s; the planner slows down to 9.
-    let at = |metres: f64| [50.0 * (1.0 - (metres / 50.0).cos()), 50.0 * (metres / 50.0).sin()];
+    let at = |metres: f64| [50.0 * (1.0 - libm::cos(metres / 50.0)), 50.0 * libm::sin(metres / 50.0)];
     let metres = [2.5, 5.0, 7.4, 9.7, 12.0, 14.3];
     let plan: Vec<f32> = metres.iter().flat_map(|metres| at(*metres)).map(|number| number as f32).collect();
     let [steering, throttle] = drive(&vehicle(), &plan, 10.0);
     let point: Vec<f64> = (0..2).map(|axis| 0.8 * at(7.4)[axis] + 0.2 * at(9.7)[axis]).collect();
     let (right, ahead) = (point[0], point[1] + 1.3);
-    let expected = (2.6 * 2.0 * right / (right * right + ahead * ahead)).atan() / 25f64.to_radians();
+    let expected = libm::atan(2.6 * 2.0 * right / (right * right + ahead * ahead)) / 25f64.to_radians();
     assert!((steering - expected).abs() < 1e-6, "{steering} {expected}");
     // Counted from the rear axle, it is as a bicycle has to steer on that circle.
     let mut table = vehicle();
     table["origin"] = json!(0);
     let [on_circle, _] = drive(&table, &plan, 10.0);
-    assert!((on_circle - (2.6f64 / 50.0).atan() / 25f64.to_radians()).abs() < 4e-3, "{on_circle}");
+    assert!((on_circle - libm::atan(2.6 / 50.0) / 25f64.to_radians()).abs() < 4e-3, "{on_circle}");
     let step = (0..2).map(|axis| (at(9.7)[axis] - at(7.4)[axis]).powi(2)).sum::<f64>().sqrt();
     assert!((throttle - 0.5 * (step / 0.25 - 10.0)).abs() < 1e-5, "{throttle}");
 }
@@ -114,8 +114,8 @@ fn a_plan_to_stand_still_brakes_and_steers_gently() {
     }
     // What is near is pursued as it is down to half the wheelbase, also by a small vehicle: on a circle of 1 m.
     let small = json!({"axes": "right_forward", "interval": 0.8, "wheelbase": 0.165, "full_lock": 25});
-    let [steering, _] = drive(&small, &[1.0 - 0.8f32.cos(), 0.8f32.sin()], 1.0);
-    let expected = 0.165f64.atan() / 25f64.to_radians();
+    let [steering, _] = drive(&small, &[1.0 - libm::cosf(0.8), libm::sinf(0.8)], 1.0);
+    let expected = libm::atan(0.165) / 25f64.to_radians();
     assert!((steering - expected).abs() < 1e-5, "{steering} {expected}");
 }
 

@@ -20,6 +20,13 @@ const PIPELINE: &str = r#"
     })
 "#;
 
+/// Networks of every make that comes with pdk: convolutions, a transformer, and a planner with its controller.
+const MAKES: &str = r#"
+    for _, driver in { "transformer", "waypoint_planner" } do
+        pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = driver, duration = 0.2, scenarios = { {} } })
+    end
+"#;
+
 /// Starts pdk, and all that it starts of itself, on an emulated processor.
 struct Emulator {
     qemu: PathBuf,
@@ -72,7 +79,7 @@ fn a_network_drives_the_same_on_every_processor() {
     let folder = temp();
     let folder = folder.path();
     let Some(emulator) = Emulator::find(folder) else { return };
-    let pipeline = pipeline(folder, PIPELINE);
+    let pipeline = pipeline(folder, &[PIPELINE, MAKES].concat());
     let pipeline = pipeline.to_str().unwrap();
     let ledger = |record: &str| fs::read_to_string(folder.join(record).join("scenarios.jsonl")).unwrap();
     let drive = |processor: Option<&str>, record: &str| {
@@ -85,7 +92,7 @@ fn a_network_drives_the_same_on_every_processor() {
         ledger(record)
     };
     let reference = drive(Some("Haswell"), "haswell");
-    assert_eq!(reference.lines().count(), 2);
+    assert_eq!(reference.lines().count(), 4);
     // The last has no vector instructions of 256 bits, and no multiply-add.
     for processor in ["Skylake-Client", "EPYC-Milan", "Nehalem"] {
         assert!(drive(Some(processor), processor) == reference, "{processor} wrote another ledger");
