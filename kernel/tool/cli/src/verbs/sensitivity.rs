@@ -278,7 +278,7 @@ fn sentence(found: &Analysis, number: usize) -> String {
     };
     let Some(span) = decides else {
         return format!(
-            "its level has no influence on the largest error; derivative and drives agree {reach}."
+            "a little more or less of it does not change the largest error; derivative and drives agree {reach}."
         );
     };
     let by: f64 = found.sensitivity.influence[number][span.clone()].iter().sum();
