@@ -23,7 +23,7 @@ const PIPELINE: &str = r#"
 /// Networks of every make that comes with pdk: convolutions, a transformer, and a planner with its controller.
 const MAKES: &str = r#"
     for _, driver in { "transformer", "waypoint_planner" } do
-        pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = driver, duration = 0.2, scenarios = { {} } })
+        pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = driver, duration = 0.05, scenarios = { {} } })
     end
 "#;
 
