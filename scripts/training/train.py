@@ -146,7 +146,8 @@ def train(name, network, data, epochs, device, real=None):
             loss = error(predicted.float(), wanted)
             optimiser.zero_grad()
             loss.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0) if name == "transformer" else None
+            if name == "transformer":
+                torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimiser.step()
             schedule.step()
             total += loss.detach()

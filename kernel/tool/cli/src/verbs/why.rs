@@ -43,7 +43,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let driving =
         Driving { verb: "why", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };
     let (replay, session, search) = recorded::open(global, scenario, driving, "not fail any more")?;
-    let line = replay.lines().next().cloned();
+    let Some(line) = replay.lines().next().cloned() else {
+        return Err(Error::new("there is no scenario to explain"));
+    };
     std::fs::create_dir_all(output).place(output.display())?;
     let films = [SUFFICIENT, NECESSARY].map(|name| output.join(format!("{name}.mp4")));
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
@@ -72,10 +74,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     // Last, since it runs the components in this process: what is proven is written by now.
     let progress = pdk_terminal::progress(global.json, "{msg} {elapsed}");
-    let derivative = match &line {
-        Some(line) => sensitivity::sentences(&search, line, &progress),
-        None => Err(Error::new("there is no scenario")),
-    };
+    let derivative = sensitivity::sentences(&search, &line, &progress);
     progress.finish_and_clear();
     if global.json {
         let (known, unknown) = match derivative {
