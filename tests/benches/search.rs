@@ -1,7 +1,7 @@
 //! How good the search strategies are on problems whose answers are known. Needs no simulator:
 //!
 //! ```sh
-//! cargo build --release && cargo bench --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...] [--problems PROBLEM,...]
+//! cargo build --release && cargo bench --bench search -- [fronts|regions|least] [--seeds N] [--evaluations N] [--only STRATEGY,...] [--problems PROBLEM,...]
 //! ```
 //!
 //! [`fronts`]: NSGA-II on problems of the literature, by the hypervolume of its last population. `pymoo_reference.py`
@@ -9,12 +9,16 @@
 //!
 //! [`regions`]: every strategy on problems with known critical regions, against random search. It ends with the tables of
 //! `docs/search.md`.
+//!
+//! [`least`]: every strategy on problems whose cheapest failure is known.
 
 // A benchmark may fail like a test.
 #![allow(clippy::unwrap_used)]
 
 #[path = "search/fronts.rs"]
 mod fronts;
+#[path = "search/least.rs"]
+mod least;
 #[path = "search/problems.rs"]
 mod problems;
 #[path = "search/regions.rs"]
@@ -46,7 +50,7 @@ fn main() {
     let number = |name: &str, default: u64| after(name).map_or(default, |text| text.parse().unwrap());
     let list = |name: &str| after(name).map_or(Vec::new(), |text| text.split(',').collect());
     let wants = |part: &str| {
-        let parts = ["fronts", "regions"];
+        let parts = ["fronts", "regions", "least"];
         !arguments.iter().any(|argument| parts.contains(&argument.as_str()))
             || arguments.iter().any(|argument| argument == part)
     };
@@ -64,6 +68,9 @@ fn main() {
             &list("--only"),
             &problems,
         );
+    }
+    if wants("least") {
+        least::least(&registry, number("--seeds", 20), &list("--only"));
     }
 }
 

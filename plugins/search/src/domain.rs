@@ -51,6 +51,31 @@ impl Domain {
         matches!(self.space.variables[variable].range, Range::Choice { .. })
     }
 
+    /// The smallest difference between positions of a variable that has values at some only, as a share of its range; for others, the range
+    /// as a share of itself. 0 if the range has one value.
+    pub fn unit(&self, variable: usize) -> f64 {
+        let (low, high) = self.bounds[variable];
+        match (high - low, self.is_discrete(variable)) {
+            (0.0, _) => 0.0,
+            (range, true) => 1.0 / range,
+            (_, false) => 1.0,
+        }
+    }
+
+    /// Positions as shares of the ranges, 0 to 1.
+    pub fn shares(&self, x: &[f64]) -> Vec<f64> {
+        let share = |(position, (low, high)): (&f64, &(f64, f64))| match high - low {
+            0.0 => 0.0,
+            range => (position - low) / range,
+        };
+        x.iter().zip(&self.bounds).map(share).collect()
+    }
+
+    /// The positions at these shares of the ranges.
+    pub fn at_shares(&self, shares: &[f64]) -> Vec<f64> {
+        shares.iter().zip(&self.bounds).map(|(share, (low, high))| low + share * (high - low)).collect()
+    }
+
     /// The nearest positions that have values.
     pub fn settle(&self, mut x: Vec<f64>) -> Vec<f64> {
         for (i, position) in x.iter_mut().enumerate() {

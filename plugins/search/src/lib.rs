@@ -1,6 +1,7 @@
 //! Search strategies: each proposes candidates by a rule, which [`strategy`] makes a component.
 
 mod cells;
+mod descent;
 mod domain;
 mod forest;
 mod grid;
@@ -31,5 +32,6 @@ pdk_sdk::export! {
         Strategy<nsga2_dt::Nsga2Dt>,
         Strategy<surrogate::Surrogate>,
         Strategy<map_elites::MapElites>,
+        Strategy<descent::Descent>,
     ]
 }

@@ -88,4 +88,5 @@ fn every_strategy_passes_the_test_kit() {
     check::<crate::nsga2_dt::Nsga2Dt>(&[("population", 20.into()), ("variant", "published".into())]);
     check::<crate::surrogate::Surrogate>(&[]);
     check::<crate::map_elites::MapElites>(&[]);
+    check::<crate::descent::Descent>(&[]);
 }

@@ -112,7 +112,7 @@ fn peaks(regions: &[Region], x: &[f64]) -> Vec<f64> {
 }
 
 /// A number from 0 to 1 that nothing tells beforehand.
-fn noise(x: &[f64]) -> f64 {
+pub fn noise(x: &[f64]) -> f64 {
     let mut state = 0xcbf2_9ce4_8422_2325_u64;
     for byte in x.iter().flat_map(|x| x.to_bits().to_le_bytes()) {
         state = (state ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);

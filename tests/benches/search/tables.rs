@@ -78,7 +78,7 @@ pub fn tables(cells: &[Cell]) {
 }
 
 /// The largest p that counts by the procedure of Holm (1979); below 0 if none does.
-fn holm(tests: &mut [f64]) -> f64 {
+pub fn holm(tests: &mut [f64]) -> f64 {
     tests.sort_by(f64::total_cmp);
     let count = tests.len();
     let counts = tests.iter().enumerate().take_while(|(place, p)| **p <= ERROR / (count - place) as f64);

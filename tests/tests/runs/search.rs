@@ -67,8 +67,17 @@ fn table(out: &Path) -> String {
 fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
     let folder = temp();
     let script = script(folder.path(), CORNER);
-    let strategies =
-        ["random", "grid", "sobol", "latin_hypercube", "nsga2", "nsga2_dt", "surrogate", "map_elites"];
+    let strategies = [
+        "random",
+        "grid",
+        "sobol",
+        "latin_hypercube",
+        "nsga2",
+        "nsga2_dt",
+        "surrogate",
+        "map_elites",
+        "descent",
+    ];
     for strategy in strategies {
         let [a, b, c] = ["a", "b", "c"].map(|name| folder.path().join(format!("{strategy}-{name}")));
         let search = |out: &Path| run(&script, out).set("strategy", strategy);

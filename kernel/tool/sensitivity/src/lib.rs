@@ -20,10 +20,12 @@
 //! | [`regions`] | where in the frames it comes from, by the exact gradient of the driver's network |
 //! | [`span`] | the part of a drive in which the levels decide |
 //! | [`windows`] | how far back a derivative holds, by drives |
+//! | [`bends`] | how the error changes with each bend of the road, by drives |
 //! | [`least`] | the least change of a course with which a drive leaves its lane |
 //! | [`plot`] | pictures of all that |
 
 pub mod analysis;
+pub mod bends;
 pub mod course;
 pub mod least;
 pub mod plot;

@@ -19,6 +19,7 @@ use pdk_sdk::prelude::{
 };
 use pdk_sdk::signals::Numbers;
 use pdk_supervise::calls::Function;
+use serde_json::Value;
 use twox_hash::XxHash3_64;
 
 /// The only slot there is here.
@@ -234,6 +235,15 @@ impl<'a> Rehearsal<'a> {
                 (None, None) => return Err(Error::new("a drive has no end, which is a defect in pdk")),
             }
         }
+    }
+
+    /// Puts the simulation to the start of another road.
+    ///
+    /// # Errors
+    /// If the simulator fails, or refuses the road.
+    pub fn start_on(&mut self, road: Value) -> Result<Place> {
+        self.scenario.road = road;
+        self.start()
     }
 
     fn start(&mut self) -> Result<Place> {

@@ -16,6 +16,7 @@ use pdk_replay::drives;
 use pdk_replay::shrink::script;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sensitivity::analysis::{self, Analysis, OfPerturbation, SHARE};
+use pdk_sensitivity::bends::{Bend, TURN, bends};
 use pdk_sensitivity::course::{Course, STEP, on_courses};
 use pdk_sensitivity::least::{self, Found, check_stayed};
 use pdk_sensitivity::plot;
@@ -80,6 +81,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         check_stayed(&driven).map_err(place)?;
     }
     let found = Analysis::new(&mut rehearsal, driven, &mut count).map_err(place)?;
+    let of_bends = &mut || count("bending the road");
+    let bends = bends(&mut rehearsal, &found.driven, &found.sensitivity, of_bends).map_err(place)?;
     let output = arguments.output.clone().unwrap_or_else(|| format!("sensitivity-{scenario}").into());
     std::fs::create_dir_all(&output)
         .place(format_args!("cannot make the folder {}; choose another with -o", output.display()))?;
@@ -100,9 +103,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     progress.finish_and_clear();
     if global.json {
-        return print_json(&as_json(&found, &names, least.as_ref(), &files));
+        return print_json(&as_json(&found, &names, &bends, least.as_ref(), &files));
     }
-    print(&found, &names, least.as_ref());
+    print(&found, &names, &bends, least.as_ref());
     println!("Numbers and pictures: {}", output.display());
     Ok(())
 }
@@ -210,7 +213,7 @@ fn write_pictures(folder: &Path, found: &Analysis, names: &[String]) -> Result<V
     Ok(written)
 }
 
-fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
+fn print(found: &Analysis, names: &[String], bends: &[Bend], least: Option<&Least>) {
     let Analysis { driven, rate, sensitivity, perturbations } = found;
     let seconds = |frame| seconds(*rate, frame);
     let side = if sensitivity.side > 0.0 { "right" } else { "left" };
@@ -239,6 +242,7 @@ fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
             );
         }
     }
+    print_bends(bends);
     if let Err(reason) = &sensitivity.regions {
         println!("Where in the frames it comes from is not known: {reason}.");
     }
@@ -257,6 +261,25 @@ fn print(found: &Analysis, names: &[String], least: Option<&Least>) {
         None => println!("It stays in its lane with every uniform increase, tried in quarters of a level."),
     }
     println!("The search took {} drives and {} derivatives.", found.drives, found.sweeps);
+}
+
+/// What each bend of the road does.
+fn print_bends(bends: &[Bend]) {
+    let Some(most) = bends.iter().max_by(|a, b| a.effect().total_cmp(&b.effect())) else { return };
+    match most.matters() {
+        true => println!("Of the road's bends, the one at node {} matters most.", most.node),
+        false => println!("None of the road's bends matters."),
+    }
+    let turned = ["left", "right"].map(|side| format!("{TURN} degree more to the {side}, m"));
+    let mut table = table(["node", "degrees", &turned[0], &turned[1]]);
+    for bend in bends {
+        let [left, right] = bend.turned.map(|change| match change {
+            Some(change) => format!("{change:+.4}"),
+            None => "not a valid road".to_owned(),
+        });
+        table.add_row([bend.node.to_string(), format!("{:.1}", bend.degrees), left, right]);
+    }
+    println!("{table}");
 }
 
 /// The time of a frame.
@@ -296,7 +319,13 @@ fn sentence(found: &Analysis, number: usize) -> String {
     )
 }
 
-fn as_json(found: &Analysis, names: &[String], least: Option<&Least>, files: &[PathBuf]) -> Value {
+fn as_json(
+    found: &Analysis,
+    names: &[String],
+    bends: &[Bend],
+    least: Option<&Least>,
+    files: &[PathBuf],
+) -> Value {
     let Analysis { driven, rate, sensitivity, perturbations } = found;
     let time = |frame: usize| frame as f64 / rate;
     let span = |frames: &Range<usize>| json!([time(frames.start), time(frames.end)]);
@@ -325,6 +354,12 @@ fn as_json(found: &Analysis, names: &[String], least: Option<&Least>, files: &[P
         "side": sensitivity.side,
         "rate": rate,
         "perturbations": names.iter().zip(perturbations).enumerate().map(one).collect::<Vec<_>>(),
+        "bends": bends.iter().map(|bend| json!({
+            "node": bend.node,
+            "degrees": bend.degrees,
+            "left": bend.turned[0],
+            "right": bend.turned[1],
+        })).collect::<Vec<_>>(),
         "files": files,
         "least": least.map(|Least { found, proof }| json!({
             "size": found.change.as_ref().map(|change| change.size),
