@@ -106,15 +106,17 @@ fn search(
         for candidate in candidates {
             let x = space.positions(&candidate.values).unwrap();
             let (objectives, critical) = judge(&x);
+            let violations = space.violations(&x);
             idle += 1;
             if known.insert(format!("{x:?}")) && (all.len() as u64) < evaluations {
-                all.push(Point { x, f: objectives.clone(), violation: 0.0, critical });
+                let violation = violations.iter().map(|violation| violation.max(0.0)).sum();
+                all.push(Point { x, f: objectives.clone(), violation, critical });
                 idle = 0;
             }
             results.push(Evaluated {
                 id: candidate.id,
                 objectives,
-                violations: vec![],
+                violations: violations.clone(),
                 critical,
                 failure: None,
             });

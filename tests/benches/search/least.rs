@@ -1,6 +1,7 @@
 //! Every strategy on problems whose cheapest failure is known: what the cheapest that it found costs, divided by that.
 
 use pdk_components::registry::Registry;
+use pdk_model::search::{Constraint, Range};
 use pdk_statistics::independent::compare;
 use serde_json::{Value, json};
 
@@ -8,26 +9,32 @@ use crate::problems::noise;
 use crate::tables::holm;
 use crate::{UNIT, of_each, search, space};
 
-/// After how many evaluations is looked.
+/// The numbers of evaluations after which the results are compared.
 const AFTER: [usize; 2] = [100, 300];
-/// What fails says no more than that it does: the objective ends this far beyond the border.
+/// The objective is capped this far beyond the border, so that it says nothing more about what fails.
 const BEYOND: f64 = 1.05;
 /// Below this nothing counts, in the problem with a threshold.
 const THRESHOLD: f64 = 0.3;
 
-/// A problem over variables from 0 to 1, which cost their sum. It is critical where `danger` is at least 1.
+/// A problem over variables from 0 to 1, which cost their sum, and lists, which cost nothing. A candidate is critical if its `danger` is at least 1.
 struct Problem {
     about: &'static str,
     variables: usize,
     danger: fn(&[f64]) -> f64,
     /// What the cheapest failure costs.
     least: f64,
+    /// The space, if not all variables are real.
+    ranges: Option<Vec<Range>>,
+    constraints: Vec<Constraint>,
 }
 
 impl Problem {
     fn judge(&self, x: &[f64]) -> (Vec<f64>, bool) {
         let danger = (self.danger)(x);
-        (vec![-danger.min(BEYOND), x.iter().sum()], danger >= 1.0)
+        let costs =
+            |i: &usize| !matches!(self.ranges.as_ref().map(|all| &all[*i]), Some(Range::Choice { .. }));
+        let cost = (0..x.len()).filter(costs).map(|i| x[i]).sum();
+        (vec![-danger.min(BEYOND), cost], danger >= 1.0)
     }
 }
 
@@ -51,7 +58,7 @@ fn least_weighted(n: usize) -> f64 {
     })
 }
 
-/// Three of six variables have to exceed the threshold; which of them is all the same.
+/// Three of six variables have to exceed the threshold; it does not matter which.
 fn threshold(x: &[f64]) -> f64 {
     let over = x.iter().map(|x| (x - THRESHOLD).max(0.0)).sum::<f64>();
     over / (2.5 * (1.0 - THRESHOLD))
@@ -88,8 +95,34 @@ fn hidden(x: &[f64]) -> f64 {
     if weighted(x) >= 1.0 { 1.0 } else { 0.0 }
 }
 
+/// Places in a list of four, in which those that help most are neither first nor last.
+fn choices(x: &[f64]) -> f64 {
+    let effect = [0.2, 0.1, 0.5, 0.0][x[0] as usize] + [0.1, 0.4, 0.0, 0.2][x[1] as usize];
+    effect + 0.9 * x[2] + 0.3 * x[3]
+}
+
+/// Whether each of six switches is on, which costs as much as a level, beside two levels.
+fn switches(x: &[f64]) -> f64 {
+    let on: f64 = x[..6].iter().zip([0.3, 0.1, 0.5, 0.05, 0.2, 0.1]).map(|(on, effect)| on * effect).sum();
+    (on + 0.4 * x[6] + 0.2 * x[7]) / 0.8
+}
+
 fn problems() -> Vec<Problem> {
-    let problem = |about, variables, danger, least| Problem { about, variables, danger, least };
+    let problem = |about, variables, danger, least| Problem {
+        about,
+        variables,
+        danger,
+        least,
+        ranges: None,
+        constraints: Vec::new(),
+    };
+    let list = || Range::Choice { values: (0..4).map(Value::from).collect() };
+    let whole = |max| Range::Integer { min: 0, max };
+    // The cheapest failure takes two thirds of what all may add up to.
+    let bound = Constraint {
+        weights: (0..6).map(|i| (format!("x{i:02}"), 1.0)).collect(),
+        at_most: 1.5 * least_weighted(6),
+    };
     vec![
         problem("unequal weights", 6, weighted, least_weighted(6)),
         problem("unequal weights, 12 variables", 12, weighted, least_weighted(12)),
@@ -99,6 +132,23 @@ fn problems() -> Vec<Problem> {
         problem("two separate ways to fail", 6, either, 1.2),
         problem("unequal weights, noise of 10 %", 6, rough, least_weighted(6)),
         problem("unequal weights, nothing leads", 6, hidden, least_weighted(6)),
+        Problem {
+            constraints: vec![bound],
+            ..problem(
+                "unequal weights, all together at most 1.5 times the least",
+                6,
+                weighted,
+                least_weighted(6),
+            )
+        },
+        Problem {
+            ranges: Some(vec![list(), list(), UNIT, UNIT]),
+            ..problem("two choices of four and two levels", 4, choices, 0.1 / 0.9)
+        },
+        Problem {
+            ranges: Some([vec![whole(1); 6], vec![UNIT; 2]].concat()),
+            ..problem("six switches and two levels", 8, switches, 1.75)
+        },
     ]
 }
 
@@ -164,16 +214,20 @@ pub fn least(registry: &Registry, seeds: u64, only: &[&str]) {
     }
 }
 
-/// Stands for the cost where nothing was critical.
+/// The cost if nothing was critical.
 const NONE: f64 = 1e6;
 
 fn one(registry: &Registry, strategy: (&str, &Value), problem: &Problem, seed: u64) -> [f64; 2] {
-    let space = space(problem.variables, UNIT);
+    let mut space = space(problem.variables, UNIT);
+    space.constraints.clone_from(&problem.constraints);
+    for (variable, range) in space.variables.iter_mut().zip(problem.ranges.iter().flatten()) {
+        variable.range = range.clone();
+    }
     let judge = |x: &[f64]| problem.judge(x);
     let most = AFTER[1] as u64;
     let (all, _) = search(registry, strategy, &space, seed, most, &judge, 2);
     AFTER.map(|after| {
-        let critical = all.iter().take(after).filter(|point| point.critical);
+        let critical = all.iter().take(after).filter(|point| point.critical && point.violation == 0.0);
         critical.map(|point| point.f[1] / problem.least).fold(NONE, f64::min)
     })
 }

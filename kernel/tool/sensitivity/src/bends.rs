@@ -1,47 +1,49 @@
-//! How the largest error of a drive changes with each bend of its road, by drives.
+//! What becomes of a drive if one angle of its road is changed a little, by drives.
 //!
-//! A road has a few bends, so driving it again with one of them changed costs less than a way back through the drive would, and shows what
-//! happens, not a prediction of it. The changes to both sides are reported as they are: they are seldom opposite, since a vehicle that meets
-//! a bend a little earlier or later sees other frames.
+//! A road has a few angles, so driving it again with one of them changed costs less than a way back through the drive would, and shows what
+//! happens, not a prediction of it. Changes to the left and to the right are seldom opposite: a vehicle that meets a bend a little earlier or
+//! later sees other frames.
 
+use pdk_model::outcome::Cause;
 use pdk_sdk::error::Result;
 use serde_json::{Value, json};
 
-use crate::course::on_courses;
 use crate::rehearsal::{Driven, Rehearsal};
-use crate::sweep::Sensitivity;
-use crate::windows::NOTHING;
 
-/// By how many degrees a bend is changed.
+/// By how many degrees an angle is changed.
 pub const TURN: f64 = 1.0;
-/// For how many seconds behind the frame of the largest error a drive on a changed road is driven, since there it may come later.
-const LATER: f64 = 1.0;
 
-/// A bend of the road.
+/// A node of the road.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bend {
-    /// The number of its node, from 1.
+    /// Its number, from 1.
     pub node: usize,
     /// Its angle, positive to the right.
     pub degrees: f64,
-    /// By how many metres the error is larger with the angle [`TURN`] degrees further to the left, and to the right; none if the simulator refuses
-    /// such a road.
-    pub turned: [Option<f64>; 2],
+    /// The drives with the angle [`TURN`] degrees further to the left, and to the right; none if the simulator refuses such a road.
+    pub turned: [Option<Turned>; 2],
 }
 
-impl Bend {
-    /// The largest change that was driven, in metres.
-    pub fn effect(&self) -> f64 {
-        self.turned.iter().flatten().map(|change| change.abs()).fold(0.0, f64::max)
-    }
+/// How a drive ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turned {
+    /// Why it ended.
+    pub cause: Cause,
+    /// When, in seconds.
+    pub time: f64,
+    /// Its largest cross-track error in metres.
+    pub error: f64,
+}
 
-    /// Whether that is more than nothing.
-    pub fn matters(&self) -> bool {
-        self.effect() >= NOTHING
+impl Turned {
+    /// The end of a drive.
+    pub fn of(driven: &Driven) -> Self {
+        let time = driven.places.last().map_or(0.0, |place| place.state.time);
+        Self { cause: driven.cause, time, error: driven.worst().1 }
     }
 }
 
-/// The bends of a road that is given by angles, up to the last one that the camera saw before the largest error; none if the road is given in another
+/// The nodes of a road that is given by angles, up to the last one whose angle changes a frame of the drive; none if the road is given in another
 /// way. The simulation is put back onto its own road.
 ///
 /// # Errors
@@ -49,26 +51,32 @@ impl Bend {
 pub fn bends(
     rehearsal: &mut Rehearsal<'_>,
     driven: &Driven,
-    sensitivity: &Sensitivity,
     frame_done: &mut dyn FnMut(),
 ) -> Result<Vec<Bend>> {
     let road = rehearsal.scenario().road.clone();
+    let perturbations = rehearsal.scenario().perturbations.clone();
     let angles: Option<Vec<f64>> =
         road.get("angles").and_then(Value::as_array).and_then(|all| all.iter().map(Value::as_f64).collect());
     let mut bends = Vec::new();
     for (place, degrees) in angles.unwrap_or_default().into_iter().enumerate() {
         let mut turned = [None; 2];
         let mut seen = false;
-        for (by, change) in [-TURN, TURN].into_iter().zip(&mut turned) {
+        for (by, turned) in [-TURN, TURN].into_iter().zip(&mut turned) {
             let mut other = road.clone();
             other["angles"][place] = json!(degrees + by);
-            match on_road(rehearsal, &other, driven, sensitivity, frame_done)? {
-                Some((error, same)) => {
-                    *change = Some(error - sensitivity.error);
-                    seen |= !same;
-                }
-                None => seen = true,
+            // Its own road was accepted by the same call.
+            if rehearsal.start_on(other).is_err() {
+                seen = true;
+                continue;
             }
+            let mut chain = rehearsal.chain(&perturbations)?;
+            let again = rehearsal.drive(&mut chain, frame_done)?;
+            seen |= !again
+                .decisions
+                .iter()
+                .map(|one| one.frame_hash)
+                .eq(driven.decisions.iter().map(|one| one.frame_hash));
+            *turned = Some(Turned::of(&again));
         }
         if !seen {
             break;
@@ -77,44 +85,4 @@ pub fn bends(
     }
     rehearsal.start_on(road)?;
     Ok(bends)
-}
-
-/// The largest error of a drive on another road, towards the same side, and whether the driver saw the same frames. It is driven on also if
-/// the vehicle left its lane before. None if the simulator refuses the road.
-fn on_road(
-    rehearsal: &mut Rehearsal<'_>,
-    road: &Value,
-    driven: &Driven,
-    sensitivity: &Sensitivity,
-    frame_done: &mut dyn FnMut(),
-) -> Result<Option<(f64, bool)>> {
-    let perturbations = on_courses(&rehearsal.scenario().perturbations, &sensitivity.courses);
-    let mut chain = rehearsal.chain(&perturbations)?;
-    // Its own road was accepted by the same call.
-    let Ok(mut place) = rehearsal.start_on(road.clone()) else { return Ok(None) };
-    let later = (LATER * rehearsal.camera().rate).round() as usize;
-    let end = (sensitivity.worst + later).min(driven.decisions.len() - 1);
-    let (mut same, mut error) = (true, f64::NEG_INFINITY);
-    for before in &driven.decisions[..end] {
-        rehearsal.render(&place)?;
-        let decision = rehearsal.decide_alone(&mut chain, &place)?;
-        same &= decision.frame_hash == before.frame_hash;
-        place = rehearsal.act(&place, decision.applied)?;
-        error = error.max(sensitivity.side * place.state.cross_track_error);
-        frame_done();
-    }
-    Ok(Some((error, same)))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_side_with_the_larger_effect_counts() {
-        let bend = |left, right| Bend { node: 1, degrees: 5.0, turned: [left, right] };
-        assert_eq!(bend(Some(0.05), Some(-0.1)).effect(), 0.1);
-        assert_eq!(bend(None, Some(-0.1)).effect(), 0.1);
-        assert!(!bend(Some(1e-6), None).matters() && bend(None, Some(-0.1)).matters());
-    }
 }

@@ -20,7 +20,7 @@
 //! | [`regions`] | where in the frames it comes from, by the exact gradient of the driver's network |
 //! | [`span`] | the part of a drive in which the levels decide |
 //! | [`windows`] | how far back a derivative holds, by drives |
-//! | [`bends`] | how the error changes with each bend of the road, by drives |
+//! | [`bends`] | what becomes of a drive if one angle of its road is changed, by drives |
 //! | [`least`] | the least change of a course with which a drive leaves its lane |
 //! | [`plot`] | pictures of all that |
 

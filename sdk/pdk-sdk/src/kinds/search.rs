@@ -133,7 +133,7 @@ fn search_problem() -> Problem {
             ],
             constraints: Vec::new(),
         },
-        objectives: vec!["first".to_owned(), "second".to_owned()],
+        objectives: vec!["effort".to_owned(), "max_cross_track_error".to_owned()],
         evaluations: Some(200),
     }
 }

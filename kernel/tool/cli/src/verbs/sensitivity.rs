@@ -16,11 +16,11 @@ use pdk_replay::drives;
 use pdk_replay::shrink::script;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sensitivity::analysis::{self, Analysis, OfPerturbation, SHARE};
-use pdk_sensitivity::bends::{Bend, TURN, bends};
+use pdk_sensitivity::bends::{Bend, TURN, Turned, bends};
 use pdk_sensitivity::course::{Course, STEP, on_courses};
 use pdk_sensitivity::least::{self, Found, check_stayed};
 use pdk_sensitivity::plot;
-use pdk_sensitivity::rehearsal::Rehearsal;
+use pdk_sensitivity::rehearsal::{Driven, Rehearsal};
 use pdk_session::connection::Pool;
 use pdk_session::session::Session;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
@@ -45,6 +45,10 @@ pub struct Arguments {
     /// as long as thirty drives
     #[arg(long)]
     least: bool,
+    /// Also drive with each angle of the road a degree further to the left and to the right, if the road is given by angles. Takes as long as two drives for
+    /// each node
+    #[arg(long)]
+    road: bool,
     /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
     /// they are listed, and nothing of the record is run
     #[arg(long)]
@@ -81,8 +85,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         check_stayed(&driven).map_err(place)?;
     }
     let found = Analysis::new(&mut rehearsal, driven, &mut count).map_err(place)?;
-    let of_bends = &mut || count("bending the road");
-    let bends = bends(&mut rehearsal, &found.driven, &found.sensitivity, of_bends).map_err(place)?;
+    let bends = match arguments.road {
+        true => {
+            Some(bends(&mut rehearsal, &found.driven, &mut || count("changing the road")).map_err(place)?)
+        }
+        false => None,
+    };
     let output = arguments.output.clone().unwrap_or_else(|| format!("sensitivity-{scenario}").into());
     std::fs::create_dir_all(&output)
         .place(format_args!("cannot make the folder {}; choose another with -o", output.display()))?;
@@ -103,9 +111,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     progress.finish_and_clear();
     if global.json {
-        return print_json(&as_json(&found, &names, &bends, least.as_ref(), &files));
+        return print_json(&as_json(&found, &names, bends.as_deref(), least.as_ref(), &files));
     }
-    print(&found, &names, &bends, least.as_ref());
+    print(&found, &names, bends.as_deref(), least.as_ref());
     println!("Numbers and pictures: {}", output.display());
     Ok(())
 }
@@ -213,7 +221,7 @@ fn write_pictures(folder: &Path, found: &Analysis, names: &[String]) -> Result<V
     Ok(written)
 }
 
-fn print(found: &Analysis, names: &[String], bends: &[Bend], least: Option<&Least>) {
+fn print(found: &Analysis, names: &[String], bends: Option<&[Bend]>, least: Option<&Least>) {
     let Analysis { driven, rate, sensitivity, perturbations } = found;
     let seconds = |frame| seconds(*rate, frame);
     let side = if sensitivity.side > 0.0 { "right" } else { "left" };
@@ -242,9 +250,11 @@ fn print(found: &Analysis, names: &[String], bends: &[Bend], least: Option<&Leas
             );
         }
     }
-    print_bends(bends);
     if let Err(reason) = &sensitivity.regions {
         println!("Where in the frames it comes from is not known: {reason}.");
+    }
+    if let Some(bends) = bends {
+        print_bends(driven, bends);
     }
     let Some(Least { found, proof }) = least else { return };
     match (&found.change, proof) {
@@ -263,23 +273,34 @@ fn print(found: &Analysis, names: &[String], bends: &[Bend], least: Option<&Leas
     println!("The search took {} drives and {} derivatives.", found.drives, found.sweeps);
 }
 
-/// What each bend of the road does.
-fn print_bends(bends: &[Bend]) {
-    let Some(most) = bends.iter().max_by(|a, b| a.effect().total_cmp(&b.effect())) else { return };
-    match most.matters() {
-        true => println!("Of the road's bends, the one at node {} matters most.", most.node),
-        false => println!("None of the road's bends matters."),
+/// What becomes of the drive with one angle of the road changed.
+fn print_bends(driven: &Driven, bends: &[Bend]) {
+    if bends.is_empty() {
+        println!("The road is not given by angles, so none of them is changed.");
+        return;
     }
-    let turned = ["left", "right"].map(|side| format!("{TURN} degree more to the {side}, m"));
-    let mut table = table(["node", "degrees", &turned[0], &turned[1]]);
+    println!(
+        "The largest cross-track error with one angle of the road changed by {TURN} degree; as driven: {}",
+        ended(&Turned::of(driven))
+    );
+    let sides = ["left", "right"].map(|side| format!("{TURN} degree further {side}"));
+    let mut table = table(["node", "degrees", &sides[0], &sides[1]]);
     for bend in bends {
-        let [left, right] = bend.turned.map(|change| match change {
-            Some(change) => format!("{change:+.4}"),
-            None => "not a valid road".to_owned(),
+        let [left, right] = bend.turned.map(|turned| match turned {
+            Some(turned) => ended(&turned),
+            None => "refused by the simulator".to_owned(),
         });
         table.add_row([bend.node.to_string(), format!("{:.1}", bend.degrees), left, right]);
     }
     println!("{table}");
+}
+
+/// The largest error of a drive, or how it failed.
+fn ended(turned: &Turned) -> String {
+    match turned.cause {
+        Cause::Finished | Cause::TimeOut => format!("{:.2} m", turned.error),
+        cause => format!("{} at {:.2} s", cause.text(), turned.time),
+    }
 }
 
 /// The time of a frame.
@@ -322,7 +343,7 @@ fn sentence(found: &Analysis, number: usize) -> String {
 fn as_json(
     found: &Analysis,
     names: &[String],
-    bends: &[Bend],
+    bends: Option<&[Bend]>,
     least: Option<&Least>,
     files: &[PathBuf],
 ) -> Value {
@@ -354,12 +375,12 @@ fn as_json(
         "side": sensitivity.side,
         "rate": rate,
         "perturbations": names.iter().zip(perturbations).enumerate().map(one).collect::<Vec<_>>(),
-        "bends": bends.iter().map(|bend| json!({
-            "node": bend.node,
-            "degrees": bend.degrees,
-            "left": bend.turned[0],
-            "right": bend.turned[1],
-        })).collect::<Vec<_>>(),
+        "bends": bends.map(|bends| bends.iter().map(|bend| {
+            let [left, right] = bend.turned.map(|turned| turned.map(|Turned { cause, time, error }| {
+                json!({ "cause": cause, "time": time, "largest_error": error })
+            }));
+            json!({ "node": bend.node, "degrees": bend.degrees, "left": left, "right": right })
+        }).collect::<Vec<_>>()),
         "files": files,
         "least": least.map(|Least { found, proof }| json!({
             "size": found.change.as_ref().map(|change| change.size),
