@@ -1,5 +1,6 @@
 //! Search strategies: each proposes candidates by a rule, which [`strategy`] makes a component.
 
+mod border;
 mod cells;
 mod descent;
 mod domain;

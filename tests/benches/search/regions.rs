@@ -32,7 +32,6 @@ fn strategies() -> Vec<(&'static str, &'static str, Value)> {
         ("published", "nsga2_dt", published),
         ("map_elites", "map_elites", json!({})),
         ("surrogate", "surrogate", json!({})),
-        ("descent", "descent", json!({"towards": "f1"})),
     ]
 }
 
