@@ -31,7 +31,7 @@ pub struct Basis {
     pub step: f64,
     /// The largest first step along the border, as a share of each range.
     pub reach: f64,
-    /// Where it begins: at the best of these, as shares of the ranges.
+    /// The descent begins at the best of these, as shares of the ranges.
     pub starts: Vec<Vec<f64>>,
     /// What a step has to gain, in the objective and in the cost.
     pub gain: [f64; 2],
