@@ -108,6 +108,16 @@ fn the_road_is_changed_at_each_node_that_the_camera_saw() {
     // It failed as driven, and the first angle alone does not change that.
     let failed = sensitivity(&record, folder.path(), "7").arg("--road").succeed().stdout;
     assert!(failed.contains("as driven: lane departure at ") && !failed.contains("refused"), "{failed}");
+    // With a degree more this bend is sharper than the simulator takes.
+    let sharp = SOURCE
+        .replace("angles = { 0, 12, -18, 10, 20 }, segment = 25", "angles = { 0, 76, 0, 0 }, segment = 30");
+    let out = folder.path().join("sharp");
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), &sharp)).succeed();
+    let refused = sensitivity(&out, folder.path(), "1").arg("--road").succeed().stdout;
+    assert!(
+        refused.contains("Refused by the simulator: simulator `lane`: the road bends too sharply"),
+        "{refused}"
+    );
 }
 
 #[test]

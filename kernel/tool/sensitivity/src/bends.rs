@@ -13,15 +13,15 @@ use crate::rehearsal::{Driven, Rehearsal};
 /// By how many degrees an angle is changed.
 pub const TURN: f64 = 1.0;
 
-/// A node of the road.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A bend of the road, which may be straight: one of its nodes.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Bend {
     /// Its number, from 1.
     pub node: usize,
     /// Its angle, positive to the right.
     pub degrees: f64,
-    /// The drives with the angle [`TURN`] degrees further to the left, and to the right; none if the simulator refuses such a road.
-    pub turned: [Option<Turned>; 2],
+    /// The drives with the angle [`TURN`] degrees further to the left, and to the right; or why the simulator refuses such a road.
+    pub turned: [Result<Turned>; 2],
 }
 
 /// How a drive ended.
@@ -59,25 +59,25 @@ pub fn bends(
         road.get("angles").and_then(Value::as_array).and_then(|all| all.iter().map(Value::as_f64).collect());
     let mut bends = Vec::new();
     for (place, degrees) in angles.unwrap_or_default().into_iter().enumerate() {
-        let mut turned = [None; 2];
         let mut seen = false;
-        for (by, turned) in [-TURN, TURN].into_iter().zip(&mut turned) {
+        let mut turn = |by: f64| -> Result<Result<Turned>> {
             let mut other = road.clone();
             other["angles"][place] = json!(degrees + by);
-            // Its own road was accepted by the same call.
-            if rehearsal.start_on(other).is_err() {
-                seen = true;
-                continue;
-            }
+            let start = match rehearsal.start_on(other) {
+                Ok(start) => start,
+                Err(refused) => {
+                    seen = true;
+                    return Ok(Err(refused));
+                }
+            };
             let mut chain = rehearsal.chain(&perturbations)?;
-            let again = rehearsal.drive(&mut chain, frame_done)?;
-            seen |= !again
-                .decisions
-                .iter()
-                .map(|one| one.frame_hash)
-                .eq(driven.decisions.iter().map(|one| one.frame_hash));
-            *turned = Some(Turned::of(&again));
-        }
+            let again = rehearsal.drive_from(start, &mut chain, frame_done)?;
+            let [before, after] =
+                [driven, &again].map(|drive| drive.decisions.iter().map(|one| one.frame_hash));
+            seen |= !before.eq(after);
+            Ok(Ok(Turned::of(&again)))
+        };
+        let turned = [turn(-TURN)?, turn(TURN)?];
         if !seen {
             break;
         }

@@ -212,10 +212,23 @@ impl<'a> Rehearsal<'a> {
     /// # Errors
     /// If a component fails.
     pub fn drive(&mut self, chain: &mut Chain, frame_done: &mut dyn FnMut()) -> Result<Driven> {
+        let start = self.start()?;
+        self.drive_from(start, chain, frame_done)
+    }
+
+    /// Drives from a start where the simulation is.
+    ///
+    /// # Errors
+    /// If a component fails.
+    pub fn drive_from(
+        &mut self,
+        mut place: Place,
+        chain: &mut Chain,
+        frame_done: &mut dyn FnMut(),
+    ) -> Result<Driven> {
         let mut judge = Judge::new(&self.scenario);
         let (mut places, mut decisions) = (Vec::new(), Vec::new());
         let mut digest = Digest::default();
-        let mut place = self.start()?;
         self.driver.call(Function::Reset, None, |driver| driver.reset())?;
         loop {
             self.render(&place)?;

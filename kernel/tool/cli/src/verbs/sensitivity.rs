@@ -286,13 +286,16 @@ fn print_bends(driven: &Driven, bends: &[Bend]) {
     let sides = ["left", "right"].map(|side| format!("{TURN} degree further {side}"));
     let mut table = table(["node", "degrees", &sides[0], &sides[1]]);
     for bend in bends {
-        let [left, right] = bend.turned.map(|turned| match turned {
-            Some(turned) => ended(&turned),
-            None => "refused by the simulator".to_owned(),
+        let [left, right] = bend.turned.each_ref().map(|turned| match turned {
+            Ok(turned) => ended(turned),
+            Err(_) => "refused".to_owned(),
         });
         table.add_row([bend.node.to_string(), format!("{:.1}", bend.degrees), left, right]);
     }
     println!("{table}");
+    if let Some(error) = bends.iter().flat_map(|bend| &bend.turned).find_map(|turned| turned.as_ref().err()) {
+        println!("Refused by the simulator: {error}");
+    }
 }
 
 /// The largest error of a drive, or how it failed.
@@ -376,9 +379,10 @@ fn as_json(
         "rate": rate,
         "perturbations": names.iter().zip(perturbations).enumerate().map(one).collect::<Vec<_>>(),
         "bends": bends.map(|bends| bends.iter().map(|bend| {
-            let [left, right] = bend.turned.map(|turned| turned.map(|Turned { cause, time, error }| {
-                json!({ "cause": cause, "time": time, "largest_error": error })
-            }));
+            let [left, right] = bend.turned.each_ref().map(|turned| match turned {
+                Ok(Turned { cause, time, error }) => json!({ "cause": cause, "time": time, "largest_error": error }),
+                Err(error) => json!({ "refused": error.to_string() }),
+            });
             json!({ "node": bend.node, "degrees": bend.degrees, "left": left, "right": right })
         }).collect::<Vec<_>>()),
         "files": files,
