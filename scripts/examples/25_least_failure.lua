@@ -53,6 +53,6 @@ for _, test in found.tests do
 end
 assert(least, `none of {found.evaluations} tests failed`)
 print(`{settings.driver} fails with an effort of {string.format("%.2f", least.objectives.effort)}, of {#settings.perturbations + #bends} at most:`)
-for _, name in table.move(settings.perturbations, 1, #settings.perturbations, #bends + 1, bends) do
+for _, name in { "bend_1", "bend_2", "bend_3", table.unpack(settings.perturbations) } do
 	print(string.format("%-15s %5.2f", name, least.values[name]))
 end

@@ -113,13 +113,7 @@ fn search(
                 all.push(Point { x, f: objectives.clone(), violation, critical });
                 idle = 0;
             }
-            results.push(Evaluated {
-                id: candidate.id,
-                objectives,
-                violations: violations.clone(),
-                critical,
-                failure: None,
-            });
+            results.push(Evaluated { id: candidate.id, objectives, violations, critical, failure: None });
         }
         let since = Instant::now();
         instance.tell(&results).unwrap();
@@ -154,4 +148,10 @@ fn of_each<T: Send>(seeds: u64, of_seed: impl Fn(u64) -> T + Sync) -> Vec<T> {
     });
     all.sort_by_key(|(seed, _)| *seed);
     all.into_iter().map(|(_, result)| result).collect()
+}
+
+/// The middle of sorted values.
+fn median(sorted: &[f64]) -> f64 {
+    let middle = sorted.len() / 2;
+    if sorted.len() % 2 == 1 { sorted[middle] } else { (sorted[middle - 1] + sorted[middle]) / 2.0 }
 }

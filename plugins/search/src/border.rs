@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use pdk_statistics::point::Point;
 
-use crate::domain::Domain;
+use crate::domain::{Domain, bits};
 
 /// The first steps towards a failure, as shares of each range.
 const SEEKING: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
@@ -16,7 +16,7 @@ const SHORTEST: f64 = 0.02;
 const MARGINS: [f64; 4] = [-0.1, 0.05, 0.3, 0.9];
 /// How far a critical candidate is moved to what costs least, to leave what is critical, as shares of each range.
 const LEAVING: [f64; 3] = [1.0, 0.3, 0.1];
-/// After this many steps in a row that gain less, a descent is over.
+/// After this many steps in a row that gain too little, other values of the variables without an order are tried, or the descent is over.
 const PATIENCE: usize = 3;
 /// The most steps of a descent.
 const STEPS: usize = 100;
@@ -73,11 +73,6 @@ impl Basis {
 /// Whether a candidate was evaluated and keeps the constraints.
 fn is_valid(point: &Point) -> bool {
     point.violation <= 0.0 && !point.f.is_empty()
-}
-
-/// Positions by which results are found again.
-fn bits(x: &[f64]) -> Vec<u64> {
-    x.iter().map(|position| position.to_bits()).collect()
 }
 
 /// Positions whose results have to be known before a descent goes on.

@@ -37,8 +37,8 @@ pub struct Descent {
     read: usize,
     /// How many candidates are drawn for a start.
     drawn: usize,
-    /// Whether these starts were drawn for the candidates that are proposed now.
-    is_drawn: bool,
+    /// Whether the gain of this descent is still to be computed, once the results of its starts are known.
+    gain_is_open: bool,
     /// How many descents led to nothing new.
     fruitless: usize,
     rest: VecDeque<Vec<f64>>,
@@ -69,7 +69,7 @@ impl Rule for Descent {
             basis: Basis::new(config.number("step"), config.number("reach")),
             read: 0,
             drawn: DRAWN,
-            is_drawn: false,
+            gain_is_open: false,
             fruitless: 0,
             rest: VecDeque::new(),
         })
@@ -103,7 +103,7 @@ impl Rule for Descent {
         };
         self.basis = Basis::new(self.basis.step, self.basis.reach);
         self.basis.main = main;
-        (self.read, self.drawn, self.is_drawn) = (0, DRAWN, false);
+        (self.read, self.drawn, self.gain_is_open) = (0, DRAWN, false);
         self.rest.clear();
         self.fruitless = 0;
         Ok(())
@@ -118,10 +118,10 @@ impl Rule for Descent {
                 self.basis.know(point, number);
             }
             self.read = told.len();
-            if self.is_drawn {
+            if self.gain_is_open {
                 // Once for all of a descent, which has to come out the same when it is replayed.
                 self.basis.gain = self.basis.ranges(told).map(|range| GAIN * range);
-                self.is_drawn = false;
+                self.gain_is_open = false;
             }
             if self.basis.starts.is_empty() {
                 let spread = domain.latin_hypercube(domain.bounds(), self.drawn, random);
@@ -130,7 +130,7 @@ impl Rule for Descent {
                     false => domain.draw(domain.bounds(), random),
                 });
                 self.basis.starts = drawn.map(|x| domain.shares(&x)).collect();
-                self.is_drawn = true;
+                self.gain_is_open = true;
             }
             let mut run = Run::new(&self.basis, domain, told);
             match run.descend() {

@@ -64,11 +64,7 @@ impl Domain {
 
     /// Positions as shares of the ranges, 0 to 1.
     pub fn shares(&self, x: &[f64]) -> Vec<f64> {
-        let share = |(position, (low, high)): (&f64, &(f64, f64))| match high - low {
-            0.0 => 0.0,
-            range => (position - low) / range,
-        };
-        x.iter().zip(&self.bounds).map(share).collect()
+        x.iter().enumerate().map(|(i, position)| self.space.share(i, *position)).collect()
     }
 
     /// The positions at these shares of the ranges.
@@ -148,7 +144,8 @@ impl Seen {
     }
 }
 
-fn bits(x: &[f64]) -> Vec<u64> {
+/// Positions as a key by which they are found again.
+pub fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|position| position.to_bits()).collect()
 }
 

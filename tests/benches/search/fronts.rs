@@ -10,7 +10,7 @@ use pdk_statistics::point::Point;
 use pdk_statistics::ranking::survivors;
 use serde_json::{Value, json};
 
-use crate::{UNIT, of_each, search, space};
+use crate::{UNIT, median, of_each, search, space};
 
 /// The hypervolumes that `pymoo_reference.py` wrote: pymoo 0.6.2, population 75, 200 generations.
 const PYMOO: &str = include_str!("pymoo.json");
@@ -105,9 +105,4 @@ fn between(x: &[f64]) -> Vec<f64> {
         x.iter().enumerate().map(|(i, x)| (x - aim(i)) / 100.0 * ((x - aim(i)) / 100.0)).sum::<f64>()
     };
     vec![squares(|i| 20.0 + 3.0 * i as f64), squares(|i| 85.0 - 5.0 * i as f64)]
-}
-
-fn median(sorted: &[f64]) -> f64 {
-    let middle = sorted.len() / 2;
-    if sorted.len() % 2 == 1 { sorted[middle] } else { (sorted[middle - 1] + sorted[middle]) / 2.0 }
 }

@@ -2,12 +2,11 @@
 
 use pdk_components::registry::Registry;
 use pdk_model::search::{Constraint, Range};
-use pdk_statistics::independent::compare;
 use serde_json::{Value, json};
 
 use crate::problems::noise;
-use crate::tables::holm;
-use crate::{UNIT, of_each, search, space};
+use crate::tables::{against, holm, mark};
+use crate::{UNIT, median, of_each, search, space};
 
 /// The numbers of evaluations after which the results are compared.
 const AFTER: [usize; 2] = [100, 300];
@@ -169,17 +168,17 @@ pub fn least(registry: &Registry, seeds: u64, only: &[&str]) {
     );
     // By problem, strategy and number of evaluations, of each seed.
     let mut all: Vec<Vec<[Vec<f64>; 2]>> = Vec::new();
-    for problem in problems() {
+    let problems = problems();
+    for problem in &problems {
         let of_strategy = |(name, parameters): &(&str, Value)| {
-            let of_seed = |seed| one(registry, (name, parameters), &problem, seed);
+            let of_seed = |seed| one(registry, (name, parameters), problem, seed);
             let found = of_each(seeds, of_seed);
             [0, 1].map(|when| found.iter().map(|found| found[when]).collect())
         };
         all.push(strategies.iter().map(of_strategy).collect());
     }
     let compared = |searches: &[[Vec<f64>; 2]], strategy: usize, when: usize| {
-        compare(&searches[strategy][when], &searches[0][when])
-            .map_or((0.5, 1.0), |found| (found.effect_size, found.p))
+        against(&searches[strategy][when], &searches[0][when])
     };
     let mut tests: Vec<f64> = all
         .iter()
@@ -194,17 +193,15 @@ pub fn least(registry: &Registry, seeds: u64, only: &[&str]) {
         strategies.iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(" | ")
     );
     println!("|---|{}", "---|".repeat(strategies.len()));
-    for (problem, searches) in problems().iter().zip(&all) {
+    for (problem, searches) in problems.iter().zip(&all) {
         let cells = (0..strategies.len()).map(|strategy| {
             let cells = [0, 1].map(|when| {
-                let (effect, p) = compared(searches, strategy, when);
-                let mark = match p <= largest {
-                    true if effect < 0.5 => "**",
-                    true if effect > 0.5 => "*",
-                    _ => "",
-                };
-                match median(&searches[strategy][when]) {
-                    cost if cost < NONE => format!("{mark}{cost:.2}{mark}"),
+                let (larger, p) = compared(searches, strategy, when);
+                let mark = mark(1.0 - larger, p, largest);
+                let mut costs = searches[strategy][when].clone();
+                costs.sort_by(f64::total_cmp);
+                match median(&costs) {
+                    cost if cost.is_finite() => format!("{mark}{cost:.2}{mark}"),
                     _ => "–".to_owned(),
                 }
             });
@@ -214,9 +211,7 @@ pub fn least(registry: &Registry, seeds: u64, only: &[&str]) {
     }
 }
 
-/// The cost if nothing was critical.
-const NONE: f64 = 1e6;
-
+/// What the cheapest failure that one search found costs, divided by the cheapest there is; infinite if it found none.
 fn one(registry: &Registry, strategy: (&str, &Value), problem: &Problem, seed: u64) -> [f64; 2] {
     let mut space = space(problem.variables, UNIT);
     space.constraints.clone_from(&problem.constraints);
@@ -228,12 +223,6 @@ fn one(registry: &Registry, strategy: (&str, &Value), problem: &Problem, seed: u
     let (all, _) = search(registry, strategy, &space, seed, most, &judge, 2);
     AFTER.map(|after| {
         let critical = all.iter().take(after).filter(|point| point.critical && point.violation == 0.0);
-        critical.map(|point| point.f[1] / problem.least).fold(NONE, f64::min)
+        critical.map(|point| point.f[1] / problem.least).fold(f64::INFINITY, f64::min)
     })
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut values = values.to_vec();
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

@@ -40,11 +40,8 @@ pub fn tables(cells: &[Cell]) {
             .iter()
             .map(|&row| {
                 let chance = find(row, "random").map(values).unwrap_or_default();
-                let against = |strategy: &&str| {
-                    let values = find(row, strategy).map(values).unwrap_or_default();
-                    compare(&values, &chance)
-                        .map_or((0.5, 1.0), |compared| (compared.effect_size, compared.p))
-                };
+                let against =
+                    |strategy: &&str| against(&find(row, strategy).map(values).unwrap_or_default(), &chance);
                 strategies.iter().map(against).collect()
             })
             .collect();
@@ -65,15 +62,25 @@ pub fn tables(cells: &[Cell]) {
                 let values = find(row, strategy).map(values).unwrap_or_default();
                 let mean = values.iter().sum::<f64>() / values.len() as f64;
                 let mean = if measure < 2 { format!("{mean:.2}") } else { format!("{mean:.0}") };
-                let mark = match p <= largest {
-                    true if effect > 0.5 => "**",
-                    true if effect < 0.5 => "*",
-                    _ => "",
-                };
+                let mark = mark(effect, p, largest);
                 line += &format!(" {mark}{mean}{mark} |");
             }
             println!("{line}");
         }
+    }
+}
+
+/// The probability that a value is larger than one of random search, and the p of the test that they do not differ.
+pub fn against(values: &[f64], chance: &[f64]) -> (f64, f64) {
+    compare(values, chance).map_or((0.5, 1.0), |compared| (compared.effect_size, compared.p))
+}
+
+/// The mark of a cell: bold if it is better than random search, with this probability, and in italics if it is worse.
+pub fn mark(better: f64, p: f64, largest: f64) -> &'static str {
+    match p <= largest {
+        true if better > 0.5 => "**",
+        true if better < 0.5 => "*",
+        _ => "",
     }
 }
 
