@@ -81,6 +81,7 @@ const SUITES: &[BuiltInScript] = scripts! {
 
 /// The modules that pipelines require as `@pdk/NAME`.
 const MODULES: &[BuiltInScript] = scripts! {
+    "bisection": "library/bisection.lua",
     "hill_climber": "library/hill_climber.lua",
     "study": "library/study.lua",
     "tally": "library/tally.lua",

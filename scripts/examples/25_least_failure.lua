@@ -8,19 +8,19 @@ local settings = pdk.settings({
 	evaluations = 50,
 })
 
-local bends, space = { "bend_1", "bend_2", "bend_3" }, {}
+local bends, space, none = { "bend_1", "bend_2", "bend_3" }, {}, {}
 for _, bend in bends do
-	space[bend] = { real = { -settings.bend, settings.bend } }
+	space[bend], none[bend] = { real = { -settings.bend, settings.bend } }, 0
 end
 for _, name in settings.perturbations do
-	space[name] = { real = { 0, 4 } }
+	space[name], none[name] = { real = { 0, 4 } }, 0
 end
 
 local found = pdk.search({
 	simulator = "lane",
 	driver = settings.driver,
 	images_every = 0,
-	strategy = settings.strategy,
+	strategy = if settings.strategy == "bisection" then require("@pdk/bisection").new(none) else settings.strategy,
 	space = space,
 	objectives = { max_cross_track_error = "maximise", effort = "minimise" },
 	evaluate = function(values)

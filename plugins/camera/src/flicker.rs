@@ -60,9 +60,7 @@ impl Perturbation for Flicker {
         let (height, gain) = (src.height() as f64, gain(cx));
         for (y, (row, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
             let gain = gain(y as f64 / height) as f32;
-            for (to, value) in row.iter_mut().zip(from) {
-                *to = self.light.store(gain * self.light.of(*value));
-            }
+            self.light.change(from, row, |_, lights| lights.iter_mut().for_each(|light| *light *= gain));
         }
         Ok(())
     }

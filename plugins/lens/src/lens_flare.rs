@@ -106,9 +106,11 @@ impl Perturbation for LensFlare {
         let strength = cx.number("strength") as f32;
         let row = 3 * src.width();
         for ((to, from), stray) in dst.rows_mut().zip(src.rows()).zip(self.stray.chunks_exact(row)) {
-            for ((to, value), stray) in to.iter_mut().zip(from).zip(stray) {
-                *to = self.light.store(self.light.of(*value) + strength * stray);
-            }
+            self.light.change(from, to, |first, lights| {
+                for (light, stray) in lights.iter_mut().zip(&stray[first..]) {
+                    *light += strength * stray;
+                }
+            });
         }
         Ok(())
     }

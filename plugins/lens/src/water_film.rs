@@ -80,6 +80,14 @@ impl WaterFilm {
     }
 }
 
+/// The nearest whole number, halves away from zero: as `round`, but without a call.
+#[inline(always)]
+fn rounded(value: f32) -> i32 {
+    let whole = value as i32;
+    let rest = value - whole as f32;
+    whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
+}
+
 impl Perturbation for WaterFilm {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         self.prepare(cx);
@@ -105,7 +113,7 @@ impl Perturbation for WaterFilm {
                     down += weight * v;
                 }
                 let place = |whole: usize, bent: f32| {
-                    whole as i32 * SUBPIXELS + (bent * bend * SUBPIXELS as f32).round() as i32
+                    whole as i32 * SUBPIXELS + rounded(bent * bend * SUBPIXELS as f32)
                 };
                 self.xs.push(place(x, right));
                 self.ys.push(place(y, down));

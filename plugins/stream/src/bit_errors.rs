@@ -1,5 +1,6 @@
 //! Bit errors: some bits of a compressed stream arrive wrong.
 
+use pdk_sdk::ops::jpeg::Quantisation;
 use pdk_sdk::prelude::*;
 
 use crate::codec::{Codec, MACROBLOCK};
@@ -16,6 +17,7 @@ impl Component for BitErrors {
             "Compresses the frame and lets some bits of the stream arrive wrong: colours and blocks go wrong up to the end of a slice, and what \
              cannot be decoded is that of the frame before",
         )
+        .version(2)
         .family("stream")
         .dynamic()
         .not_default()
@@ -28,7 +30,7 @@ impl Component for BitErrors {
             Parameter::by_level("errors", [0.000_005, 0.000_02, 0.000_08, 0.0003, 0.001], "probability that a bit is wrong").range(0.0, 0.1),
         )
         .parameter(
-            Parameter::number("coarseness", 0.5, "multiple of the quantisation of the standard's annex: 0.5 is a quality of 75 as JPEG has it")
+            Parameter::number("coarseness", 0.5, "multiple of the quantisation steps of the standard's annex, to 0.01; steps end at 255; 0.5 is a quality of 75 as JPEG has it")
                 .range(0.02, 25.0),
         )
     }
@@ -40,8 +42,8 @@ impl Component for BitErrors {
 
 impl Perturbation for BitErrors {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let coarseness = cx.number("coarseness") as f32;
-        self.codec.encode(src, coarseness);
+        let quantisation = Quantisation::of_percent((100.0 * cx.number("coarseness")).round() as u32);
+        self.codec.encode(src, &quantisation);
         let errors = cx.number("errors");
         if errors > 0.0 {
             let (mut random, length) = (cx.frame_random(), self.codec.length() as f64);
@@ -53,8 +55,8 @@ impl Perturbation for BitErrors {
                 place += 1.0 + right();
             }
         }
-        self.codec.decode();
-        self.codec.write(dst.reborrow(), coarseness);
+        self.codec.decode(&quantisation);
+        self.codec.write(dst.reborrow(), &quantisation);
         let before = cx.history.back(1).map(|earlier| earlier.frame);
         for (row, decoded) in self.codec.broken() {
             let hidden = 3 * decoded * MACROBLOCK;

@@ -4,7 +4,7 @@
 //! quantisation, runs of zeros and levels in codes of different lengths. A row of macroblocks is a slice, which can be decoded on its own.
 //! After an error a decoder reads on at the wrong place until a code is impossible, and hides the rest of the slice.
 
-use pdk_sdk::ops::jpeg::{CHROMA, LUMA};
+use pdk_sdk::ops::jpeg::{LARGEST_SUM, Levels, Quantisation, Workspace, compress, decompress};
 use pdk_sdk::prelude::*;
 
 /// Rows and columns of a macroblock.
@@ -13,23 +13,19 @@ pub const MACROBLOCK: usize = 16;
 const BLOCKS: usize = 6;
 /// Coefficients of a block.
 const SIZE: usize = 64;
-/// The largest level that is coded.
-const LARGEST: i32 = 2047;
 
 /// A frame as the stream has it, and what coding and decoding need.
 pub struct Codec {
-    /// The transform: coefficient u of place x is `basis[u][x]`.
-    basis: [[f32; 8]; 8],
     /// The places of coefficients in the order in which they are coded.
     order: [usize; SIZE],
+    /// Of macroblocks.
     columns: usize,
     rows: usize,
-    /// Y, Cb and Cr, padded to whole macroblocks.
-    planes: [Vec<f32>; 3],
-    /// The levels of all blocks, macroblock after macroblock, in the order in which they are coded.
-    levels: Vec<i16>,
+    workspace: Workspace,
+    levels: Levels,
     /// The bits of all slices, one after the other, and where each begins.
     bits: Bits,
+    length: usize,
     begins: Vec<usize>,
     /// How many macroblocks of each slice could be decoded; none if it has to be read again.
     decoded: Vec<Option<usize>>,
@@ -39,58 +35,65 @@ pub struct Codec {
 #[derive(Default)]
 struct Bits {
     bytes: Vec<u8>,
-    length: usize,
+    /// The last bits that were written, which are not among the bytes yet, and how many.
+    rest: u64,
+    pending: u32,
 }
+
+/// Bytes that are read at a time.
+const WINDOW: usize = size_of::<u64>();
 
 impl Bits {
     fn clear(&mut self) {
         self.bytes.clear();
-        self.length = 0;
+        (self.rest, self.pending) = (0, 0);
     }
 
-    fn put(&mut self, value: u32, count: u32) {
-        for place in (0..count).rev() {
-            if self.length.is_multiple_of(8) {
-                self.bytes.push(0);
-            }
-            if value >> place & 1 == 1 {
-                self.bytes[self.length / 8] |= 0x80 >> (self.length % 8);
-            }
-            self.length += 1;
+    /// How many bits were written.
+    fn length(&self) -> usize {
+        self.bytes.len() * 8 + self.pending as usize
+    }
+
+    /// Writes the lowest bits of a value, at most 33.
+    #[inline(always)]
+    fn put(&mut self, value: u64, count: u32) {
+        self.rest = self.rest << count | value;
+        self.pending += count;
+        if self.pending >= u32::BITS {
+            self.pending -= u32::BITS;
+            self.bytes.extend_from_slice(&((self.rest >> self.pending) as u32).to_be_bytes());
         }
+    }
+
+    /// Writes what is pending, and room for the window behind it; how many bits there are without that.
+    fn finish(&mut self) -> usize {
+        let length = self.length();
+        self.bytes.extend_from_slice(&((self.rest << (u32::BITS - self.pending)) as u32).to_be_bytes());
+        self.bytes.extend([0; WINDOW]);
+        length
     }
 
     fn flip(&mut self, place: usize) {
         self.bytes[place / 8] ^= 0x80 >> (place % 8);
     }
 
-    fn at(&self, place: usize) -> u32 {
-        u32::from(self.bytes[place / 8] >> (7 - place % 8) & 1)
-    }
-
     /// A whole number in the code of Golomb: as many zeros as its successor has digits behind the first, and these digits.
     fn put_number(&mut self, number: u32) {
         let digits = (number + 1).ilog2();
-        self.put(0, digits);
-        self.put(number + 1, digits + 1);
+        self.put(u64::from(number + 1), 2 * digits + 1);
     }
 
     /// Reads such a number from before `end`; none if there is none.
     fn number(&self, place: &mut usize, end: usize) -> Option<u32> {
-        let mut digits = 0;
-        while *place < end && self.at(*place) == 0 {
-            digits += 1;
-            *place += 1;
-            if digits > 16 {
-                return None;
-            }
-        }
-        if *place + digits + 1 > end {
+        let window = self.bytes.get(*place / 8..)?.first_chunk::<WINDOW>()?;
+        let window = u64::from_be_bytes(*window) << (*place % 8);
+        let digits = window.leading_zeros();
+        let length = 2 * digits + 1;
+        if digits > 16 || *place + length as usize > end {
             return None;
         }
-        let value = (0..=digits).fold(0, |value, step| value << 1 | self.at(*place + step));
-        *place += digits + 1;
-        Some(value - 1)
+        *place += length as usize;
+        Some((window >> (u64::BITS - length)) as u32 - 1)
     }
 }
 
@@ -104,20 +107,18 @@ fn unfolded(number: u32) -> i32 {
     if number % 2 == 1 { half } else { -half }
 }
 
-/// The quantisation of a block of a macroblock.
-fn steps(block: usize) -> &'static [u8; SIZE] {
-    if block < 4 { &LUMA } else { &CHROMA }
+/// The plane of a block of a macroblock, and the block in it; none if it lies below the frame.
+fn place(levels: &Levels, [row, column]: [usize; 2], block: usize) -> Option<(usize, [usize; 2])> {
+    let (plane, place) = match block {
+        0..4 => (0, [2 * row + block / 2, 2 * column + block % 2]),
+        chroma => (chroma - 3, [row, column]),
+    };
+    (place[0] < levels.planes[plane].rows()).then_some((plane, place))
 }
 
 impl Codec {
     /// The tables.
     pub fn new() -> Self {
-        let basis = std::array::from_fn(|u: usize| {
-            std::array::from_fn(|x: usize| {
-                let scale = if u == 0 { 0.125f64.sqrt() } else { 0.5 };
-                (scale * libm::cos((2 * x + 1) as f64 * u as f64 * std::f64::consts::PI / 16.0)) as f32
-            })
-        });
         // Along the diagonals, each the other way.
         let mut order: Vec<usize> = (0..SIZE).collect();
         order.sort_by_key(|place| {
@@ -126,52 +127,39 @@ impl Codec {
             (row + column, along)
         });
         Self {
-            basis,
             order: std::array::from_fn(|place| order[place]),
             columns: 0,
             rows: 0,
-            planes: Default::default(),
-            levels: Vec::new(),
+            workspace: Workspace::default(),
+            levels: Levels::default(),
             bits: Bits::default(),
+            length: 0,
             begins: Vec::new(),
             decoded: Vec::new(),
         }
     }
 
-    /// Takes a frame apart and codes it, with quantisation steps that are this multiple of those of the annex.
-    pub fn encode(&mut self, src: Frame<'_>, coarseness: f32) {
+    /// Takes a frame apart and codes it.
+    pub fn encode(&mut self, src: Frame<'_>, quantisation: &Quantisation) {
         (self.columns, self.rows) = (src.width().div_ceil(MACROBLOCK), src.height().div_ceil(MACROBLOCK));
-        self.split(src);
-        self.levels.clear();
-        self.levels.resize(self.columns * self.rows * BLOCKS * SIZE, 0);
-        for macroblock in 0..self.columns * self.rows {
-            for block in 0..BLOCKS {
-                let samples = self.samples(macroblock, block);
-                let coefficients = self.transformed(&samples);
-                let steps = steps(block);
-                let start = (macroblock * BLOCKS + block) * SIZE;
-                for (level, place) in self.levels[start..][..SIZE].iter_mut().zip(self.order) {
-                    let step = (f32::from(steps[place]) * coarseness).max(1.0);
-                    *level = (coefficients[place] / step).round() as i16;
-                }
-            }
-        }
+        compress(src, quantisation, &mut self.workspace, &mut self.levels);
         self.bits.clear();
         // So that a stream that is longer than the one before finds room.
         self.bits.bytes.reserve(3 * src.width() * src.height());
         self.begins.clear();
         for row in 0..self.rows {
-            self.begins.push(self.bits.length);
+            self.begins.push(self.bits.length());
             self.write_slice(row);
         }
-        self.begins.push(self.bits.length);
+        self.length = self.bits.finish();
+        self.begins.push(self.length);
         self.decoded.clear();
         self.decoded.resize(self.rows, Some(self.columns));
     }
 
     /// The number of bits.
     pub fn length(&self) -> usize {
-        self.bits.length
+        self.length
     }
 
     /// Makes a bit arrive wrong.
@@ -183,10 +171,10 @@ impl Codec {
     }
 
     /// Decodes the slices in which bits are wrong.
-    pub fn decode(&mut self) {
+    pub fn decode(&mut self, quantisation: &Quantisation) {
         for row in 0..self.rows {
             if self.decoded[row].is_none() {
-                self.decoded[row] = Some(self.read_slice(row));
+                self.decoded[row] = Some(self.read_slice(row, quantisation));
             }
         }
     }
@@ -199,145 +187,30 @@ impl Codec {
     }
 
     /// Writes the frame that the decoder has.
-    pub fn write(&mut self, mut dst: FrameMut<'_>, coarseness: f32) {
-        for macroblock in 0..self.columns * self.rows {
-            for block in 0..BLOCKS {
-                let steps = steps(block);
-                let start = (macroblock * BLOCKS + block) * SIZE;
-                let mut coefficients = [0.0f32; SIZE];
-                for (level, place) in self.levels[start..][..SIZE].iter().zip(self.order) {
-                    coefficients[place] = f32::from(*level) * (f32::from(steps[place]) * coarseness).max(1.0);
-                }
-                let samples = self.restored(&coefficients);
-                self.put_samples(macroblock, block, &samples);
-            }
-        }
-        let [luma, blue, red] = &self.planes;
-        let wide = self.columns * MACROBLOCK;
-        for (y, row) in dst.rows_mut().enumerate() {
-            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-                let (l, chroma) = (luma[y * wide + x], y / 2 * (wide / 2) + x / 2);
-                let (b, r) = (blue[chroma], red[chroma]);
-                let colour = [l + 1.402 * r, l - 0.344_136 * b - 0.714_136 * r, l + 1.772 * b];
-                for (to, value) in pixel.iter_mut().zip(colour) {
-                    *to = (value + 128.5).clamp(0.0, 255.0) as u8;
-                }
-            }
-        }
-    }
-
-    /// Colours as luma and chroma around 0, with the last pixels repeated up to whole macroblocks.
-    fn split(&mut self, src: Frame<'_>) {
-        let (wide, high) = (self.columns * MACROBLOCK, self.rows * MACROBLOCK);
-        for (plane, count) in self.planes.iter_mut().zip([wide * high, wide * high / 4, wide * high / 4]) {
-            plane.clear();
-            plane.resize(count, 0.0);
-        }
-        let [luma, blue, red] = &mut self.planes;
-        for y in 0..high {
-            let row = src.row(y.min(src.height() - 1));
-            for x in 0..wide {
-                let from = 3 * x.min(src.width() - 1);
-                let [r, g, b] = [row[from], row[from + 1], row[from + 2]].map(f32::from);
-                luma[y * wide + x] = 0.299 * r + 0.587 * g + 0.114 * b - 128.0;
-                let chroma = y / 2 * (wide / 2) + x / 2;
-                blue[chroma] += 0.25 * (-0.168_736 * r - 0.331_264 * g + 0.5 * b);
-                red[chroma] += 0.25 * (0.5 * r - 0.418_688 * g - 0.081_312 * b);
-            }
-        }
-    }
-
-    /// The plane of a block, its first sample, and the samples in a row of the plane.
-    fn place(&self, macroblock: usize, block: usize) -> (usize, usize, usize) {
-        let (column, row) = (macroblock % self.columns, macroblock / self.columns);
-        let wide = self.columns * MACROBLOCK;
-        match block {
-            0..4 => {
-                let (x, y) = (column * MACROBLOCK + block % 2 * 8, row * MACROBLOCK + block / 2 * 8);
-                (0, y * wide + x, wide)
-            }
-            chroma => (chroma - 3, row * 8 * (wide / 2) + column * 8, wide / 2),
-        }
-    }
-
-    fn samples(&self, macroblock: usize, block: usize) -> [f32; SIZE] {
-        let (plane, start, stride) = self.place(macroblock, block);
-        let mut samples = [0.0; SIZE];
-        for (row, to) in samples.chunks_exact_mut(8).enumerate() {
-            to.copy_from_slice(&self.planes[plane][start + row * stride..][..8]);
-        }
-        samples
-    }
-
-    fn put_samples(&mut self, macroblock: usize, block: usize, samples: &[f32; SIZE]) {
-        let (plane, start, stride) = self.place(macroblock, block);
-        for (row, from) in samples.chunks_exact(8).enumerate() {
-            self.planes[plane][start + row * stride..][..8].copy_from_slice(from);
-        }
-    }
-
-    fn transformed(&self, samples: &[f32; SIZE]) -> [f32; SIZE] {
-        // First along rows, then along columns.
-        let mut half = [0.0f32; SIZE];
-        for y in 0..8 {
-            for x in 0..8 {
-                for u in 0..8 {
-                    half[y * 8 + u] += samples[y * 8 + x] * self.basis[u][x];
-                }
-            }
-        }
-        let mut whole = [0.0f32; SIZE];
-        for v in 0..8 {
-            for y in 0..8 {
-                for u in 0..8 {
-                    whole[v * 8 + u] += half[y * 8 + u] * self.basis[v][y];
-                }
-            }
-        }
-        whole
-    }
-
-    fn restored(&self, coefficients: &[f32; SIZE]) -> [f32; SIZE] {
-        let mut half = [0.0f32; SIZE];
-        for y in 0..8 {
-            for v in 0..8 {
-                for u in 0..8 {
-                    half[y * 8 + u] += coefficients[v * 8 + u] * self.basis[v][y];
-                }
-            }
-        }
-        let mut whole = [0.0f32; SIZE];
-        for y in 0..8 {
-            for u in 0..8 {
-                for x in 0..8 {
-                    whole[y * 8 + x] += half[y * 8 + u] * self.basis[u][x];
-                }
-            }
-        }
-        whole
+    pub fn write(&mut self, dst: FrameMut<'_>, quantisation: &Quantisation) {
+        decompress(&self.levels, quantisation, &mut self.workspace, dst);
     }
 
     /// Codes the levels of a row of macroblocks: the difference of each first level to that of the block before, then how many zeros come
     /// before each other level, and the level; a run of 0 ends a block, and one more than the zeros stands for a run.
     fn write_slice(&mut self, row: usize) {
         let mut before = [0i32; 3];
-        for macroblock in row * self.columns..(row + 1) * self.columns {
+        for column in 0..self.columns {
             for block in 0..BLOCKS {
-                let plane = block.saturating_sub(3);
-                let start = (macroblock * BLOCKS + block) * SIZE;
-                let first = i32::from(self.levels[start]);
+                let Some((plane, place)) = place(&self.levels, [row, column], block) else { continue };
+                let levels = self.levels.planes[plane].block(place, &self.order);
+                let first = i32::from(levels[0]);
                 self.bits.put_number(folded(first - before[plane]));
                 before[plane] = first;
-                let mut zeros = 0;
-                for place in 1..SIZE {
-                    match i32::from(self.levels[start + place]) {
-                        0 => zeros += 1,
-                        level => {
-                            self.bits.put_number(zeros + 1);
-                            self.bits.put_number(folded(level) - 1);
-                            zeros = 0;
-                        }
-                    }
+                // Which of the others are not 0.
+                let mut set =
+                    levels.iter().rev().fold(0u64, |set, level| set << 1 | u64::from(*level != 0)) & !1;
+                let mut last = 0;
+                while set != 0 {
+                    let at = set.trailing_zeros();
+                    self.bits.put_number(at - last);
+                    self.bits.put_number(folded(i32::from(levels[at as usize])) - 1);
+                    (last, set) = (at, set & (set - 1));
                 }
                 self.bits.put_number(0);
             }
@@ -345,34 +218,46 @@ impl Codec {
     }
 
     /// Decodes a row of macroblocks, up to the first that is impossible; which one that is in the row.
-    fn read_slice(&mut self, row: usize) -> usize {
-        let (mut place, end) = (self.begins[row], self.begins[row + 1]);
+    fn read_slice(&mut self, row: usize, quantisation: &Quantisation) -> usize {
+        let (mut bit, end) = (self.begins[row], self.begins[row + 1]);
         let mut before = [0i32; 3];
         for column in 0..self.columns {
             for block in 0..BLOCKS {
-                let plane = block.saturating_sub(3);
-                let Some(levels) = self.read_block(&mut place, end, &mut before[plane]) else {
+                let Some((plane, place)) = place(&self.levels, [row, column], block) else { continue };
+                let steps = quantisation.steps(plane);
+                let Some(levels) = self.read_block(&mut bit, end, &mut before[plane], steps) else {
                     return column;
                 };
-                let start = ((row * self.columns + column) * BLOCKS + block) * SIZE;
-                self.levels[start..][..SIZE].copy_from_slice(&levels);
+                self.levels.planes[plane].set_block(place, &self.order, &levels);
             }
         }
         self.columns
     }
 
-    fn read_block(&self, place: &mut usize, end: usize, before: &mut i32) -> Option<[i16; SIZE]> {
+    /// The levels of a block, in the order in which they are coded; none if no frame can have them.
+    fn read_block(
+        &self,
+        bit: &mut usize,
+        end: usize,
+        before: &mut i32,
+        steps: &[f32; SIZE],
+    ) -> Option<[i16; SIZE]> {
         let mut levels = [0i16; SIZE];
-        let allowed = |level: i32| (-LARGEST..=LARGEST).contains(&level).then_some(level as i16);
-        *before += unfolded(self.bits.number(place, end)?);
-        levels[0] = allowed(*before)?;
+        let mut sum = 0;
+        let mut allowed = |at: usize, level: i32| {
+            sum += level.unsigned_abs() * steps[*self.order.get(at)?] as u32;
+            (sum <= LARGEST_SUM as u32).then_some(level as i16)
+        };
+        *before += unfolded(self.bits.number(bit, end)?);
+        levels[0] = allowed(0, *before)?;
         let mut at = 0;
         loop {
-            match self.bits.number(place, end)? {
+            match self.bits.number(bit, end)? {
                 0 => return Some(levels),
                 run => {
                     at += run as usize;
-                    *levels.get_mut(at)? = allowed(unfolded(self.bits.number(place, end)?.checked_add(1)?))?;
+                    let level = unfolded(self.bits.number(bit, end)? + 1);
+                    *levels.get_mut(at)? = allowed(at, level)?;
                 }
             }
         }
@@ -403,54 +288,58 @@ mod tests {
         let mut bits = Bits::default();
         let numbers = [0, 1, 2, 3, 7, 8, 100, 4095, 65_534];
         numbers.iter().for_each(|number| bits.put_number(*number));
-        let mut place = 0;
-        assert!(numbers.iter().all(|number| bits.number(&mut place, bits.length) == Some(*number)));
-        assert_eq!((place, bits.number(&mut place, bits.length)), (bits.length, None));
+        let (length, mut place) = (bits.finish(), 0);
+        assert!(numbers.iter().all(|number| bits.number(&mut place, length) == Some(*number)));
+        assert_eq!((place, bits.number(&mut place, length)), (length, None));
         assert!((-300..300).all(|level| unfolded(folded(level)) == level));
     }
 
     #[test]
     fn without_errors_the_frame_is_as_good_as_its_quantisation() {
         let (source, mut codec) = (picture(), Codec::new());
-        let error = |codec: &mut Codec, coarseness: f32| {
-            codec.encode(source.as_ref(), coarseness);
+        let error = |codec: &mut Codec, percent: u32| {
+            let quantisation = Quantisation::of_percent(percent);
+            codec.encode(source.as_ref(), &quantisation);
             // What is read is what was written.
             let levels = codec.levels.clone();
             codec.decoded.fill(None);
-            codec.decode();
+            codec.decode(&quantisation);
             assert_eq!(codec.decoded, [Some(4); 3]);
-            assert_eq!(codec.levels, levels);
+            assert_eq!(codec.levels.planes, levels.planes);
             let mut target = FrameBuf::new(50, 37);
-            codec.write(target.as_mut(), coarseness);
+            codec.write(target.as_mut(), &quantisation);
             let squares: f64 =
                 source.data().iter().zip(target.data()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
             (squares / source.data().len() as f64).sqrt()
         };
-        let [fine, usual, coarse] = [0.01, 0.5, 3.0].map(|coarseness| error(&mut codec, coarseness));
+        let [fine, usual, coarse] = [1, 50, 300].map(|percent| error(&mut codec, percent));
         assert!(fine < 3.0 && fine < usual && usual < 8.0 && usual < coarse, "{fine} {usual} {coarse}");
     }
 
     #[test]
     fn an_error_stays_in_its_slice_and_any_error_is_survived() {
         let (source, mut codec) = (picture(), Codec::new());
-        codec.encode(source.as_ref(), 0.5);
+        let quantisation = Quantisation::of_percent(50);
+        codec.encode(source.as_ref(), &quantisation);
         let mut clean = FrameBuf::new(50, 37);
-        codec.write(clean.as_mut(), 0.5);
+        codec.write(clean.as_mut(), &quantisation);
         let (length, begins) = (codec.length(), codec.begins.clone());
         let mut stopped = 0;
         for place in (0..length).step_by(7) {
-            codec.encode(source.as_ref(), 0.5);
+            codec.encode(source.as_ref(), &quantisation);
             codec.flip(place);
             let slice = begins.partition_point(|begin| *begin <= place) - 1;
-            codec.decode();
+            codec.decode(&quantisation);
             assert!(codec.broken().all(|(row, count)| row == slice && count < 4));
             stopped += codec.broken().count();
             let mut found = FrameBuf::new(50, 37);
-            codec.write(found.as_mut(), 0.5);
+            codec.write(found.as_mut(), &quantisation);
+            // The chroma of the rows beside a slice is interpolated with its own.
+            let touched = (slice * MACROBLOCK).saturating_sub(1)..=(slice + 1) * MACROBLOCK;
             for (y, (row, clean)) in found.as_ref().rows().zip(clean.as_ref().rows()).enumerate() {
-                assert!(y / MACROBLOCK == slice || row == clean, "bit {place}, row {y}");
+                assert!(touched.contains(&y) || row == clean, "bit {place}, row {y}");
             }
         }
-        assert!(stopped * 7 > length / 10, "{stopped} of {}", length / 7);
+        assert!(stopped * 20 > length / 7, "{stopped} of {}", length / 7);
     }
 }

@@ -2,7 +2,7 @@
 
 use pdk_sdk::camera::Mounting;
 use pdk_sdk::ground::View;
-use pdk_sdk::ops::light::Light;
+use pdk_sdk::ops::light::{Light, PIXELS, fade};
 use pdk_sdk::prelude::*;
 
 /// How far away the sky of a simulator is, in metres, so that nothing is infinite.
@@ -128,12 +128,16 @@ pub fn haze(
     air: [f32; 3],
 ) {
     for ((to, from), distances) in dst.rows_mut().zip(src.rows()).zip(distances.chunks_exact(src.width())) {
-        for ((to, from), distance) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)).zip(distances) {
-            let left = libm::expf(-extinction * distance);
-            for ((to, value), air) in to.iter_mut().zip(from).zip(air) {
-                *to = light.store(light.of(*value) * left + air * (1.0 - left));
+        light.change(from, to, |first, lights| {
+            let mut left = [0.0; PIXELS];
+            let left = &mut left[..lights.len() / 3];
+            fade(&distances[first / 3..], extinction, left);
+            for (pixel, left) in lights.chunks_exact_mut(3).zip(left) {
+                for (light, air) in pixel.iter_mut().zip(air) {
+                    *light = *light * *left + air * (1.0 - *left);
+                }
             }
-        }
+        });
     }
 }
 

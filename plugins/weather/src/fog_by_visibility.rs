@@ -25,6 +25,7 @@ impl Component for FogByVisibility {
             "fog_by_visibility",
             "Puts fog or dust between the camera and the scene that leaves a visibility in metres, so that what is further away fades more",
         )
+        .version(2)
         .family("weather")
         .not_default()
         .keeps_geometry()

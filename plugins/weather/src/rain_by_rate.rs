@@ -25,7 +25,7 @@ impl Component for RainByRate {
             "rain_by_rate",
             "Lets it rain at a rate: near drops are streaks in front of what is further away, and the others take contrast from the distance",
         )
-        .version(2)
+        .version(3)
         .family("weather")
         .dynamic()
         .not_default()

@@ -5,37 +5,17 @@
 //! interpolated with a triangle filter. Entropy coding changes nothing, so it is left out: colours are converted,
 //! transformed, quantised, and everything is undone again. The bytes are those of the usual encoder and decoder.
 
-use crate::dct::{Blocks, LANES, forward, inverse};
-use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::simd::vectorised;
+mod blocks;
+mod colours;
+mod levels;
 
-/// The quantisation table of Annex K for luma, row by row.
-pub const LUMA: [u8; 64] = [
-    16, 11, 10, 16, 24, 40, 51, 61, //
-    12, 12, 14, 19, 26, 58, 60, 55, //
-    14, 13, 16, 24, 40, 57, 69, 56, //
-    14, 17, 22, 29, 51, 87, 80, 62, //
-    18, 22, 37, 56, 68, 109, 103, 77, //
-    24, 35, 55, 64, 81, 104, 113, 92, //
-    49, 64, 78, 87, 103, 121, 120, 101, //
-    72, 92, 95, 98, 112, 100, 103, 99,
-];
-/// The quantisation table of Annex K for chroma, row by row.
-pub const CHROMA: [u8; 64] = [
-    17, 18, 24, 47, 99, 99, 99, 99, //
-    18, 21, 26, 66, 99, 99, 99, 99, //
-    24, 26, 56, 99, 99, 99, 99, 99, //
-    47, 66, 99, 99, 99, 99, 99, 99, //
-    99, 99, 99, 99, 99, 99, 99, 99, //
-    99, 99, 99, 99, 99, 99, 99, 99, //
-    99, 99, 99, 99, 99, 99, 99, 99, //
-    99, 99, 99, 99, 99, 99, 99, 99,
-];
+pub use levels::{LARGEST_SUM, Levels, PlaneLevels, Quantisation};
 
-/// Colour conversions work with this many fractional bits.
-const COLOUR_BITS: u32 = 16;
-/// One half in that format.
-const HALF: i32 = 1 << (COLOUR_BITS - 1);
+use crate::dct::LANES;
+use crate::frame::{Frame, FrameMut};
+use blocks::{compress_blocks, decompress_blocks, interleave_columns, round_trip_blocks, separate_columns};
+use colours::{add_rows, double, halve, join_colours, split_colours};
+use levels::Table;
 
 /// Which channel is taken for which colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,46 +63,42 @@ impl Plane {
         &mut self.samples[y * self.stride..(y + 1) * self.stride]
     }
 
-    /// Repeats the last row down to the end of the last block, and takes every block through the transform.
-    fn round_trip(&mut self, table: &Table, [first, second]: &mut [Vec<u8>; 2]) {
+    /// Repeats the last row down to the end of the last block.
+    fn pad(&mut self) {
         let image = self.height * self.stride;
         for start in (image..self.samples.len()).step_by(self.stride) {
             self.samples.copy_within(image - self.stride..image, start);
         }
-        first.resize(self.stride, 0);
-        second.resize(self.stride, 0);
+    }
+
+    /// Takes every block through the transform, there and back.
+    fn round_trip(&mut self, table: &Table, spare: &mut [Vec<u8>; 2]) {
+        self.pad();
         for rows in self.samples.chunks_exact_mut(8 * self.stride) {
-            // Three separations bring the first columns of all blocks to the front, then the second ones, and so on,
-            // so that the same element of neighbouring blocks lies side by side.
-            for row in rows.chunks_exact_mut(self.stride) {
-                separate(row, first);
-                separate(first, second);
-                separate(second, row);
-            }
+            separate_columns(rows, self.stride, spare);
             round_trip_blocks(rows, self.stride, table);
-            for row in rows.chunks_exact_mut(self.stride) {
-                interleave(row, first);
-                interleave(first, second);
-                interleave(second, row);
-            }
+            interleave_columns(rows, self.stride, spare);
         }
     }
-}
 
-/// The steps of quantisation, for coefficients times 8, and their reciprocals.
-#[derive(Debug, Clone)]
-struct Table {
-    steps: [f32; 64],
-    reciprocals: [f32; 64],
-}
+    /// The levels of every block.
+    fn compress(&mut self, table: &Table, spare: &mut [Vec<u8>; 2], levels: &mut PlaneLevels) {
+        self.pad();
+        levels.resize(self.stride / 8, self.height.div_ceil(8));
+        let strips = self.samples.chunks_exact_mut(8 * self.stride);
+        for (rows, levels) in strips.zip(levels.values.chunks_exact_mut(8 * self.stride)) {
+            separate_columns(rows, self.stride, spare);
+            compress_blocks(rows, self.stride, table, levels);
+        }
+    }
 
-impl Table {
-    /// A table of Annex K for a quality from 1 (coarsest) to 100.
-    fn new(base: &[u8; 64], quality: f64) -> Self {
-        // The percentage loses its fraction, as the scaling of the Independent JPEG Group has it.
-        let percent = if quality < 50.0 { 5000.0 / quality } else { 200.0 - 2.0 * quality } as u32;
-        let steps = base.map(|base| ((u32::from(base) * percent + 50) / 100).clamp(1, 255) as f32);
-        Self { steps, reciprocals: steps.map(|step| 1.0 / (8.0 * step)) }
+    /// The samples of every block.
+    fn decompress(&mut self, table: &Table, spare: &mut [Vec<u8>; 2], levels: &PlaneLevels) {
+        let strips = self.samples.chunks_exact_mut(8 * self.stride);
+        for (rows, levels) in strips.zip(levels.values.chunks_exact(8 * self.stride)) {
+            decompress_blocks(levels, table, rows, self.stride);
+            interleave_columns(rows, self.stride, spare);
+        }
     }
 }
 
@@ -138,13 +114,38 @@ pub fn jpeg(
     workspace: &mut Workspace,
 ) {
     assert!(src.same_size(&dst.as_ref()), "jpeg between frames of different size");
-    let quality = quality.clamp(1.0, 100.0);
+    let quantisation = Quantisation::of_quality(quality);
     to_planes(src, order, workspace);
-    let [luma, chroma] = [Table::new(&LUMA, quality), Table::new(&CHROMA, quality)];
-    for (plane, table) in workspace.planes.iter_mut().zip([&luma, &chroma, &chroma]) {
-        plane.round_trip(table, &mut workspace.reordered);
+    for (number, plane) in workspace.planes.iter_mut().enumerate() {
+        plane.round_trip(quantisation.table(number), &mut workspace.reordered);
     }
     from_planes(dst.reborrow(), order, workspace);
+}
+
+/// The first half of [`jpeg`]: the levels of a frame.
+pub fn compress(src: Frame<'_>, quantisation: &Quantisation, workspace: &mut Workspace, levels: &mut Levels) {
+    to_planes(src, ChannelOrder::Rgb, workspace);
+    let planes = workspace.planes.iter_mut().zip(&mut levels.planes).enumerate();
+    for (number, (plane, levels)) in planes {
+        plane.compress(quantisation.table(number), &mut workspace.reordered, levels);
+    }
+}
+
+/// The second half: the frame of the levels that were compressed with this workspace last.
+///
+/// # Panics
+/// If the frame has another size than the one that was compressed.
+pub fn decompress(
+    levels: &Levels,
+    quantisation: &Quantisation,
+    workspace: &mut Workspace,
+    mut dst: FrameMut<'_>,
+) {
+    let planes = workspace.planes.iter_mut().zip(&levels.planes).enumerate();
+    for (number, (plane, levels)) in planes {
+        plane.decompress(quantisation.table(number), &mut workspace.reordered, levels);
+    }
+    from_planes(dst.reborrow(), ChannelOrder::Rgb, workspace);
 }
 
 fn to_planes(src: Frame<'_>, order: ChannelOrder, workspace: &mut Workspace) {
@@ -201,138 +202,13 @@ fn from_planes(mut dst: FrameMut<'_>, order: ChannelOrder, workspace: &mut Works
     }
 }
 
-vectorised! {
-    fn split_colours / split_colours_avx2 (
-        from: &[u8], luma: &mut [u8], blue: &mut [u8], red: &mut [u8], exchanged: bool,
-    ) {
-        // The offset of 128, and a little less than one half, so that chroma stays below 256.
-        let offset = (128 << COLOUR_BITS) + HALF - 1;
-        let outputs = luma.iter_mut().zip(blue).zip(red);
-        for (from, ((luma, blue), red)) in from.chunks_exact(CHANNELS).zip(outputs) {
-            let [first, g, third] = [from[0], from[1], from[2]].map(i32::from);
-            let (r, b) = if exchanged { (third, first) } else { (first, third) };
-            *luma = ((19595 * r + 38470 * g + 7471 * b + HALF) >> COLOUR_BITS) as u8;
-            *blue = ((-11059 * r - 21709 * g + 32768 * b + offset) >> COLOUR_BITS) as u8;
-            *red = ((32768 * r - 27439 * g - 5329 * b + offset) >> COLOUR_BITS) as u8;
-        }
-    }
-}
-
-vectorised! {
-    // The mean of four; one half is rounded down and up in turn.
-    fn halve / halve_avx2 (upper: &[u8], lower: &[u8], out: &mut [u8]) {
-        let sum = |upper: &[u8], lower: &[u8], bias: u16| {
-            let pairs = [upper[0], upper[1], lower[0], lower[1]];
-            ((pairs.into_iter().map(u16::from).sum::<u16>() + bias) >> 2) as u8
-        };
-        for ((out, upper), lower) in out.chunks_exact_mut(2).zip(upper.chunks_exact(4)).zip(lower.chunks_exact(4)) {
-            out[0] = sum(&upper[..2], &lower[..2], 1);
-            out[1] = sum(&upper[2..], &lower[2..], 2);
-        }
-    }
-}
-
-vectorised! {
-    // The even elements, then the odd ones.
-    fn separate / separate_avx2 (from: &[u8], to: &mut [u8]) {
-        let (even, odd) = to.split_at_mut(from.len() / 2);
-        for ((pair, even), odd) in from.chunks_exact(2).zip(even).zip(odd) {
-            *even = pair[0];
-            *odd = pair[1];
-        }
-    }
-}
-
-vectorised! {
-    // Undoes `separate`.
-    fn interleave / interleave_avx2 (from: &[u8], to: &mut [u8]) {
-        let (even, odd) = from.split_at(from.len() / 2);
-        for ((pair, even), odd) in to.chunks_exact_mut(2).zip(even).zip(odd) {
-            pair[0] = *even;
-            pair[1] = *odd;
-        }
-    }
-}
-
-vectorised! {
-    fn round_trip_blocks / round_trip_blocks_avx2 (
-        rows: &mut [u8], stride: usize, table: &Table,
-    ) {
-        let mut blocks: Blocks = [[0; LANES]; 64];
-        for start in (0..stride / 8).step_by(LANES) {
-            let place = |element: usize| element / 8 * stride + element % 8 * (stride / 8) + start;
-            for (element, lanes) in blocks.iter_mut().enumerate() {
-                for (value, &sample) in lanes.iter_mut().zip(&rows[place(element)..][..LANES]) {
-                    *value = i32::from(sample) - 128;
-                }
-            }
-            forward(&mut blocks);
-            quantise(&mut blocks, table);
-            inverse(&mut blocks);
-            for (element, lanes) in blocks.iter().enumerate() {
-                for (sample, &value) in rows[place(element)..][..LANES].iter_mut().zip(lanes) {
-                    *sample = (value + 128).clamp(0, 255) as u8;
-                }
-            }
-        }
-    }
-}
-
-/// Rounds coefficients (times 8) to the nearest multiple of their step, halves away from zero.
-#[inline(always)]
-fn quantise(blocks: &mut Blocks, table: &Table) {
-    /// Adding this to a number of magnitude below 2^22 leaves it, rounded, in the lower bits.
-    const SHIFT: f32 = 12_582_912.0;
-    for ((lanes, step), reciprocal) in blocks.iter_mut().zip(&table.steps).zip(&table.reciprocals) {
-        for value in lanes {
-            // Whole numbers moved by half a unit away from zero never lie half-way between two multiples of an even
-            // step.
-            let moved = *value as f32 + 0.5f32.copysign(*value as f32);
-            let multiple = (moved * reciprocal + SHIFT) - SHIFT;
-            *value = (multiple * step + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32;
-        }
-    }
-}
-
-vectorised! {
-    fn add_rows / add_rows_avx2 (near: &[u8], far: &[u8], sums: &mut [u16]) {
-        for ((sum, &near), &far) in sums.iter_mut().zip(near).zip(far) {
-            *sum = 3 * u16::from(near) + u16::from(far);
-        }
-    }
-}
-
-vectorised! {
-    // Two samples from each sum and its neighbours; one half is rounded up and down in turn.
-    fn double / double_avx2 (sums: &[u16], out: &mut [u8]) {
-        let (left, right) = (sums, &sums[2..]);
-        for (((out, &left), &middle), &right) in out.chunks_exact_mut(2).zip(left).zip(&sums[1..]).zip(right) {
-            out[0] = ((3 * middle + left + 8) >> 4) as u8;
-            out[1] = ((3 * middle + right + 7) >> 4) as u8;
-        }
-    }
-}
-
-vectorised! {
-    fn join_colours / join_colours_avx2 (
-        luma: &[u8], blue: &[u8], red: &[u8], to: &mut [u8], exchanged: bool,
-    ) {
-        let inputs = luma.iter().zip(blue).zip(red);
-        for (to, ((&luma, &blue), &red)) in to.chunks_exact_mut(CHANNELS).zip(inputs) {
-            let (luma, blue, red) = (i32::from(luma), i32::from(blue) - 128, i32::from(red) - 128);
-            let part = |sum: i32| (luma + ((sum + HALF) >> COLOUR_BITS)).clamp(0, 255) as u8;
-            let (r, b) = (part(91881 * red), part(116130 * blue));
-            (to[0], to[2]) = if exchanged { (b, r) } else { (r, b) };
-            to[1] = part(-22554 * blue - 46802 * red);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
+    use super::blocks::quantise;
     use super::*;
+    use crate::dct::Blocks;
     use crate::frame::FrameBuf;
     use crate::testing::{run_on, samples};
 
@@ -344,7 +220,7 @@ mod tests {
 
     #[test]
     fn tables_scale_with_quality() {
-        let first = |quality| Table::new(&LUMA, quality).steps[0];
+        let first = |quality| Quantisation::of_quality(quality).steps(0)[0];
         // 16 percent of 5000 / quality, or of 200 - 2 * quality, in whole percent.
         assert_eq!(
             [1.0, 5.0, 18.0, 30.0, 50.0, 75.0, 100.0].map(first),
@@ -355,7 +231,7 @@ mod tests {
     #[test]
     fn quantisation_rounds_to_the_nearest_multiple_with_halves_away_from_zero() {
         for quality in [1.0, 10.0, 33.0, 75.0, 100.0] {
-            let table = Table::new(&LUMA, quality);
+            let Quantisation { luma: table, .. } = Quantisation::of_quality(quality);
             for start in (-16384i32..16384).step_by(64) {
                 let mut blocks: Blocks = std::array::from_fn(|i| [start + i as i32; LANES]);
                 quantise(&mut blocks, &table);
@@ -407,6 +283,28 @@ mod tests {
             let large = FrameBuf::new(90, 33);
             jpeg(large.as_ref(), large.clone().as_mut(), 3.0, ChannelOrder::Rgb, &mut kept);
             let result = run_on(&sample, |src, dst| jpeg(src, dst, quality, ChannelOrder::Bgr, &mut kept));
+            prop_assert_eq!(result, expected);
+        }
+
+        #[test]
+        fn the_two_halves_are_the_whole(sample in samples(), quality in 0.0..110.0) {
+            let expected = compressed(sample.frame(), quality, ChannelOrder::Rgb);
+            let quantisation = Quantisation::of_quality(quality);
+            let result = run_on(&sample, |src, mut dst| {
+                let (mut workspace, mut levels) = (Workspace::default(), Levels::default());
+                compress(src, &quantisation, &mut workspace, &mut levels);
+                for (plane, levels) in levels.planes.iter().enumerate() {
+                    for block in (0..levels.rows).flat_map(|row| (0..levels.columns).map(move |column| [row, column])) {
+                        let levels = levels.block(block, &std::array::from_fn(|place| place)).into_iter();
+                        let sum: i32 = levels
+                            .zip(quantisation.steps(plane))
+                            .map(|(level, step)| i32::from(level).abs() * *step as i32)
+                            .sum();
+                        assert!(sum <= LARGEST_SUM, "{sum}");
+                    }
+                }
+                decompress(&levels, &quantisation, &mut workspace, dst.reborrow());
+            });
             prop_assert_eq!(result, expected);
         }
     }

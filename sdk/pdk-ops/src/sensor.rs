@@ -3,6 +3,7 @@
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::light::Light;
 use crate::noise::{NORMAL_SCALE, each_block};
+use crate::simd::vectorised;
 use pdk_seed::Random;
 
 /// How many electrons a sensor counts.
@@ -31,13 +32,23 @@ pub fn expose(
     let read = (sensor.read / sensor.white) as f32;
     let mut place = 0;
     each_block(src, dst, random, |from, normal, to| {
-        for ((to, from), normal) in to.iter_mut().zip(from).zip(normal) {
-            let signal = light.of(*from) * factor(place / CHANNELS);
-            let deviation = (signal * per_electron + read * read).sqrt();
-            *to = light.store(signal + f32::from(*normal) * NORMAL_SCALE * deviation);
-            place += 1;
-        }
+        light.change(from, to, |first, lights| {
+            for light in &mut *lights {
+                *light *= factor(place / CHANNELS);
+                place += 1;
+            }
+            add_noise(lights, &normal[first..], per_electron, read);
+        });
     });
+}
+
+vectorised! {
+    fn add_noise / add_noise_avx2 (lights: &mut [f32], normal: &[i16], per_electron: f32, read: f32) {
+        for (light, normal) in lights.iter_mut().zip(normal) {
+            let deviation = (*light * per_electron + read * read).sqrt();
+            *light += f32::from(*normal) * NORMAL_SCALE * deviation;
+        }
+    }
 }
 
 #[cfg(test)]

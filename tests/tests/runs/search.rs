@@ -186,6 +186,38 @@ fn a_strategy_may_be_written_in_lua() {
 }
 
 #[test]
+fn bisection_finds_where_failing_begins() {
+    let folder = temp();
+    let source = r#"
+        local settings = pdk.settings({ from = "x" })
+        local found = pdk.search({
+            strategy = require("@pdk/bisection").new({ [settings.from] = 0, n = 0 }),
+            space = { x = { real = { 0, 1 } }, n = { integer = { 0, 9 } }, kind = { choice = { "a", "b" } } },
+            objectives = { effort = "minimise" },
+            evaluate = function(values)
+                local effort = values.x + values.n / 9
+                return { objectives = { effort = effort }, critical = values.kind == "b" and effort >= 1.1 }
+            end,
+            stop = { evaluations = 100 },
+        })
+        local least = math.huge
+        for _, test in found.tests do
+            least = if test.critical then math.min(least, test.objectives.effort) else least
+        end
+        print(least)
+    "#;
+    let script = script(folder.path(), source);
+    let [a, b] = ["a", "b"].map(|name| run(&script, &folder.path().join(name)).succeed().stdout);
+    let least = |printed: &str| printed.lines().next().unwrap().parse::<f64>().unwrap();
+    assert!((1.1..1.12).contains(&least(&a)), "{a}");
+    assert_eq!(least(&a), least(&b));
+    for name in ["y", "kind"] {
+        let expected = format!("bisection starts from {name}, which is not a number of the space");
+        run(&script, &folder.path().join(name)).set("from", name).fail(1, &[&expected]);
+    }
+}
+
+#[test]
 fn a_space_of_which_all_is_evaluated_ends_the_search() {
     let folder = temp();
     let source = CORNER.replace("x = { real = { 0, 1 } }", "x = { integer = { 0, 1 } }");
