@@ -177,8 +177,8 @@ def bit_errors(
     a slice, and what cannot be decoded is that of the frame before.
 
     errors: probability that a bit is wrong (0 to 0.1; by level 5e-06, 2e-05, 8e-05, 0.0003, 0.001).
-    coarseness: multiple of the quantisation of the standard's annex: 0.5 is a quality of 75 as JPEG has it (0.02 to
-        25; default 0.5).
+    coarseness: multiple of the quantisation steps of the standard's annex, to 0.01; steps end at 255; 0.5 is a
+        quality of 75 as JPEG has it (0.02 to 25; default 0.5).
     Source: Binary symmetric channel of Shannon (1948); an intra codec of the kind of ITU-T T.81 with codes of
         Golomb (1966), slices, and concealment by the frame before, as decoders of H.264 do.
     Not part of the default set.
