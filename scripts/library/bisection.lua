@@ -1,5 +1,6 @@
 -- A search strategy that finds out how little it takes to fail: it draws a test, and if that fails, halves the way to it from values at
--- which nothing fails, until it knows to 1/64 of the way where failing begins. Then it draws the next.
+-- which nothing fails, until it knows to 1/64 of the way where failing begins. Then it draws the next. On the way, a test has to fail
+-- from some place on.
 --
 --   pdk.search({ strategy = require("@pdk/bisection").new({ fog = 0, curvature = 0 }), ... })
 
@@ -15,13 +16,15 @@ function bisection.new(from: { [string]: number })
 
 	function strategy.start(problem, stream)
 		variables, random, drawn = problem.variables, stream, nil
-		for name in from do
+		for name, value in from do
 			local found
 			for _, variable in variables do
-				found = found or (variable.name == name and not variable.values)
+				found = if variable.name == name and not variable.values then variable else found
 			end
 			if not found then
 				error(`bisection starts from {name}, which is not a number of the space`, 0)
+			elseif value < found.min or value > found.max then
+				error(`bisection starts from {name} = {value}; give a value from {found.min} to {found.max}`, 0)
 			end
 		end
 	end
@@ -56,13 +59,22 @@ function bisection.new(from: { [string]: number })
 	end
 
 	function strategy.tell(results)
-		if results[1].critical then
-			fails = share
-		elseif share < 1 then
-			passes = share
-		end
-		if fails == 1 and share == 1 and not results[1].critical or fails - passes <= FINEST then
+		local result = results[1]
+		if result.failure or result.violation > 0 then
 			drawn = nil
+		elseif result.critical then
+			fails = share
+			if fails - passes <= FINEST then
+				if passes == 0 then
+					error("tests fail at the values that bisection starts from, or right beside them; give others", 0)
+				end
+				drawn = nil
+			end
+		elseif share == 1 then
+			drawn = nil
+		else
+			passes = share
+			drawn = if fails - passes <= FINEST then nil else drawn
 		end
 	end
 

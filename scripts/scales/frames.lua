@@ -1,4 +1,4 @@
--- The frames that the scale calibrated-1 was measured on: 45 frames of nine roads of the embedded simulator, in all of its conditions.
+-- The frames that the scale calibrated-1 was measured on: 42 frames of nine roads of the embedded simulator, in all of its conditions.
 --
 --   pdk run scripts/scales/frames.lua -o frames
 --   pdk calibrate frames --all -o calibrated-1.scale.json

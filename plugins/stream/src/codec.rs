@@ -4,7 +4,7 @@
 //! quantisation, runs of zeros and levels in codes of different lengths. A row of macroblocks is a slice, which can be decoded on its own.
 //! After an error a decoder reads on at the wrong place until a code is impossible, and hides the rest of the slice.
 
-use pdk_sdk::ops::jpeg::{LARGEST_SUM, Levels, Quantisation, Workspace, compress, decompress};
+use pdk_sdk::ops::jpeg::{LARGEST, LARGEST_SUM, Levels, Quantisation, Workspace, compress, decompress};
 use pdk_sdk::prelude::*;
 
 /// Rows and columns of a macroblock.
@@ -54,9 +54,10 @@ impl Bits {
         self.bytes.len() * 8 + self.pending as usize
     }
 
-    /// Writes the lowest bits of a value, at most 33.
+    /// Writes the lowest bits of a value, at most 32.
     #[inline(always)]
     fn put(&mut self, value: u64, count: u32) {
+        debug_assert!(count <= u32::BITS && value >> count == 0, "{value} in {count} bits");
         self.rest = self.rest << count | value;
         self.pending += count;
         if self.pending >= u32::BITS {
@@ -217,7 +218,8 @@ impl Codec {
         }
     }
 
-    /// Decodes a row of macroblocks, up to the first that is impossible; which one that is in the row.
+    /// Decodes a row of macroblocks, up to the first that is impossible; which one that is in the row. That and those behind it keep the levels
+    /// that were sent, of which the rows beside them get a trace of colour.
     fn read_slice(&mut self, row: usize, quantisation: &Quantisation) -> usize {
         let (mut bit, end) = (self.begins[row], self.begins[row + 1]);
         let mut before = [0i32; 3];
@@ -245,8 +247,9 @@ impl Codec {
         let mut levels = [0i16; SIZE];
         let mut sum = 0;
         let mut allowed = |at: usize, level: i32| {
-            sum += level.unsigned_abs() * steps[*self.order.get(at)?] as u32;
-            (sum <= LARGEST_SUM as u32).then_some(level as i16)
+            let magnitude = level.unsigned_abs() * steps[*self.order.get(at)?] as u32;
+            sum += magnitude;
+            (magnitude <= LARGEST as u32 && sum <= LARGEST_SUM as u32).then_some(level as i16)
         };
         *before += unfolded(self.bits.number(bit, end)?);
         levels[0] = allowed(0, *before)?;

@@ -163,6 +163,31 @@ mod tests {
         }
     }
 
+    /// As many of the largest coefficients as a damaged stream may have in a block, wherever they are.
+    #[test]
+    fn the_largest_coefficients_have_room() {
+        use crate::jpeg::{LARGEST, LARGEST_SUM};
+
+        let mut random = Key([8; 32]).sequence();
+        for _ in 0..200 {
+            let mut coefficients: Blocks = [[0; LANES]; 64];
+            for lane in 0..LANES {
+                for _ in 0..LARGEST_SUM / LARGEST {
+                    let place = random.below(64) as usize;
+                    coefficients[place][lane] = if random.below(2) == 0 { LARGEST } else { -LARGEST };
+                }
+            }
+            let mut blocks = coefficients;
+            inverse(&mut blocks);
+            for (i, lanes) in blocks.iter().enumerate() {
+                let exact: f64 = (0..64)
+                    .map(|j| f64::from(coefficients[j][0]) * basis(j / 8, i / 8) * basis(j % 8, i % 8))
+                    .sum();
+                assert!((f64::from(lanes[0]) - exact).abs() < 2.0, "{} {exact}", lanes[0]);
+            }
+        }
+    }
+
     #[test]
     fn the_largest_samples_survive_the_round_trip() {
         let checks = std::array::from_fn(|i| [if (i / 8 + i) % 2 == 0 { -128 } else { 127 }; LANES]);

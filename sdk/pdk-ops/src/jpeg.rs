@@ -9,7 +9,7 @@ mod blocks;
 mod colours;
 mod levels;
 
-pub use levels::{LARGEST_SUM, Levels, PlaneLevels, Quantisation};
+pub use levels::{LARGEST, LARGEST_SUM, Levels, PlaneLevels, Quantisation};
 
 use crate::dct::LANES;
 use crate::frame::{Frame, FrameMut};
@@ -45,13 +45,14 @@ struct Plane {
     samples: Vec<u8>,
     /// Bytes from one row to the next: the width, rounded up to whole groups of blocks.
     stride: usize,
-    /// Rows that belong to the image.
+    /// Columns and rows that belong to the image.
+    width: usize,
     height: usize,
 }
 
 impl Plane {
     fn resize(&mut self, width: usize, height: usize) {
-        (self.stride, self.height) = (width.next_multiple_of(8 * LANES), height);
+        (self.stride, self.width, self.height) = (width.next_multiple_of(8 * LANES), width, height);
         self.samples.resize(self.stride * height.next_multiple_of(8), 0);
     }
 
@@ -134,15 +135,21 @@ pub fn compress(src: Frame<'_>, quantisation: &Quantisation, workspace: &mut Wor
 /// The second half: the frame of the levels that were compressed with this workspace last.
 ///
 /// # Panics
-/// If the frame has another size than the one that was compressed.
+/// If the frame or the levels are not of the size that was compressed.
 pub fn decompress(
     levels: &Levels,
     quantisation: &Quantisation,
     workspace: &mut Workspace,
     mut dst: FrameMut<'_>,
 ) {
+    let luma = &workspace.planes[0];
+    assert!(
+        luma.width == dst.width() && luma.height == dst.height(),
+        "decompression into a frame of another size"
+    );
     let planes = workspace.planes.iter_mut().zip(&levels.planes).enumerate();
     for (number, (plane, levels)) in planes {
+        assert!(levels.values.len() == plane.samples.len(), "decompression of levels of another size");
         plane.decompress(quantisation.table(number), &mut workspace.reordered, levels);
     }
     from_planes(dst.reborrow(), ChannelOrder::Rgb, workspace);

@@ -189,14 +189,14 @@ fn a_strategy_may_be_written_in_lua() {
 fn bisection_finds_where_failing_begins() {
     let folder = temp();
     let source = r#"
-        local settings = pdk.settings({ from = "x" })
+        local settings = pdk.settings({ from = "x", at = 0, least = 1.1 })
         pdk.search({
-            strategy = require("@pdk/bisection").new({ [settings.from] = 0, n = 0 }),
+            strategy = require("@pdk/bisection").new({ [settings.from] = settings.at, n = 0 }),
             space = { x = { real = { 0, 1 } }, n = { integer = { 0, 9 } }, kind = { choice = { "a", "b" } } },
             objectives = { effort = "minimise" },
             evaluate = function(values)
                 local effort = values.x + values.n / 9
-                return { objectives = { effort = effort }, critical = values.kind == "b" and effort >= 1.1 }
+                return { objectives = { effort = effort }, critical = values.kind == "b" and effort >= settings.least }
             end,
             stop = { evaluations = 100 },
         })
@@ -210,9 +210,13 @@ fn bisection_finds_where_failing_begins() {
     let efforts = failures.map(|test| test["objectives"]["effort"].as_f64().unwrap());
     let least = efforts.fold(f64::INFINITY, f64::min);
     assert!((1.1..1.12).contains(&least), "{least}");
-    for name in ["y", "kind"] {
-        let expected = format!("bisection starts from {name}, which is not a number of the space");
-        run(&script, &folder.path().join(name)).set("from", name).fail(1, &[&expected]);
+    for (name, value, expected) in [
+        ("from", "y", "bisection starts from y, which is not a number of the space"),
+        ("from", "kind", "bisection starts from kind, which is not a number of the space"),
+        ("at", "7", "bisection starts from x = 7; give a value from 0 to 1"),
+        ("least", "0", "tests fail at the values that bisection starts from"),
+    ] {
+        run(&script, &folder.path().join(value)).set(name, value).fail(1, &[expected]);
     }
 }
 

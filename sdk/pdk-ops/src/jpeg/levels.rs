@@ -63,8 +63,8 @@ impl PlaneLevels {
         order.map(|coefficient| group[coefficient * LANES + lane])
     }
 
-    /// Changes these levels. The samples are right as long as the magnitudes of the coefficients, each the product of its level and its
-    /// step, add up to at most [`LARGEST_SUM`].
+    /// Changes these levels. The transform has room for coefficients, each the product of its level and its step, of a magnitude of
+    /// [`LARGEST`] at most, which add up to at most [`LARGEST_SUM`].
     ///
     /// # Panics
     /// If there is no such block or coefficient.
@@ -85,6 +85,8 @@ impl PlaneLevels {
     }
 }
 
+/// No coefficient of a frame has a larger magnitude: 8 times 128 before it is quantised, and half of the largest step more.
+pub const LARGEST: i32 = 8 * 128 + 128;
 /// No block of a frame has coefficients whose magnitudes add up to more: 64 times 128 before they are quantised, and half of the largest
 /// step more for each of them.
 pub const LARGEST_SUM: i32 = 64 * 256;
