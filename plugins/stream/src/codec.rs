@@ -247,9 +247,10 @@ impl Codec {
         let mut levels = [0i16; SIZE];
         let mut sum = 0;
         let mut allowed = |at: usize, level: i32| {
-            let magnitude = level.unsigned_abs() * steps[*self.order.get(at)?] as u32;
-            sum += magnitude;
-            (magnitude <= LARGEST as u32 && sum <= LARGEST_SUM as u32).then_some(level as i16)
+            let step = steps[*self.order.get(at)?] as i32;
+            sum += level.unsigned_abs() * step as u32;
+            // A coefficient that is larger than any saturates, as decoders of MPEG have it.
+            (sum <= LARGEST_SUM as u32).then_some(level.clamp(-LARGEST / step, LARGEST / step) as i16)
         };
         *before += unfolded(self.bits.number(bit, end)?);
         levels[0] = allowed(0, *before)?;
