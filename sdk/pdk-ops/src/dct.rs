@@ -171,11 +171,9 @@ mod tests {
         let mut random = Key([8; 32]).sequence();
         for _ in 0..200 {
             let mut coefficients: Blocks = [[0; LANES]; 64];
-            for lane in 0..LANES {
-                for _ in 0..LARGEST_SUM / LARGEST {
-                    let place = random.below(64) as usize;
-                    coefficients[place][lane] = if random.below(2) == 0 { LARGEST } else { -LARGEST };
-                }
+            for _ in 0..LARGEST_SUM / LARGEST {
+                let coefficient = if random.below(2) == 0 { LARGEST } else { -LARGEST };
+                coefficients[random.below(64) as usize] = [coefficient; LANES];
             }
             let mut blocks = coefficients;
             inverse(&mut blocks);
