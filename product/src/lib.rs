@@ -83,6 +83,7 @@ const SUITES: &[BuiltInScript] = scripts! {
 const MODULES: &[BuiltInScript] = scripts! {
     "bisection": "library/bisection.lua",
     "hill_climber": "library/hill_climber.lua",
+    "space": "library/space.lua",
     "study": "library/study.lua",
     "tally": "library/tally.lua",
 };

@@ -4,6 +4,8 @@
 --
 --   pdk.search({ strategy = require("@pdk/bisection").new({ fog = 0, curvature = 0 }), ... })
 
+local space = require("@pdk/space")
+
 local bisection = {}
 
 local FINEST = 1 / 64
@@ -29,22 +31,13 @@ function bisection.new(from: { [string]: number })
 		end
 	end
 
-	local function draw(variable)
-		if variable.values then
-			return variable.values[random:integer(1, #variable.values)]
-		elseif variable.type == "integer" then
-			return random:integer(variable.min, variable.max)
-		end
-		return random:uniform(variable.min, variable.max)
-	end
-
 	function strategy.ask(_)
 		if drawn then
 			share = (passes + fails) / 2
 		else
 			drawn, share, passes, fails = {}, 1, 0, 1
 			for _, variable in variables do
-				drawn[variable.name] = draw(variable)
+				drawn[variable.name] = space.draw(variable, random)
 			end
 		end
 		local values = table.clone(drawn)

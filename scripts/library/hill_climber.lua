@@ -3,6 +3,8 @@
 --
 --   pdk.search({ strategy = require("@pdk/hill_climber").new(), ... })
 
+local space = require("@pdk/space")
+
 local climber = {}
 
 function climber.new(patience: number?)
@@ -14,22 +16,13 @@ function climber.new(patience: number?)
 		variables, random = problem.variables, stream
 	end
 
-	local function drawn(variable)
-		if variable.values then
-			return variable.values[random:integer(1, #variable.values)]
-		elseif variable.type == "integer" then
-			return random:integer(variable.min, variable.max)
-		end
-		return random:uniform(variable.min, variable.max)
-	end
-
 	function strategy.ask(n)
 		local candidates = {}
 		for i = 1, n do
 			local moved = random:integer(1, #variables)
 			candidates[i] = {}
 			for place, variable in variables do
-				candidates[i][variable.name] = if best and place ~= moved then best[variable.name] else drawn(variable)
+				candidates[i][variable.name] = if best and place ~= moved then best[variable.name] else space.draw(variable, random)
 			end
 		end
 		return candidates
