@@ -97,6 +97,10 @@ pub const EXAMPLES: &[Examples] = &[
                 "pdk attack universal docs/examples/recording --driver dave2 --goal right -o change.png",
                 "one change for all frames that makes it steer to the right",
             ),
+            (
+                "pdk attack drives runs/patch-1 -o trained.png",
+                "the picture that recorded drives show, trained until the vehicle leaves its lane",
+            ),
         ],
     ),
     (

@@ -154,4 +154,20 @@ impl Chain {
             }
         }
     }
+
+    /// Takes a gradient back from a frame of `size`, width and height, to the picture that the last perturbation shows: see
+    /// [`Perturbation::picture_gradient`](pdk_sdk::perturbation::Perturbation::picture_gradient).
+    ///
+    /// # Errors
+    /// If there is none, or it cannot, with its name.
+    pub fn picture_gradient(
+        &mut self,
+        of_frame: &[f32],
+        size: [usize; 2],
+        moment: &Moment<'_>,
+        into: &mut [f32],
+    ) -> Result<()> {
+        let none = || Error::new("no perturbation changes the frame, so none shows a picture");
+        self.links.last_mut().ok_or_else(none)?.picture_gradient(of_frame, size, moment, into)
+    }
 }

@@ -262,17 +262,21 @@ impl Link {
         self.scale.as_ref().map_or(Some(level), |scale| scale.published(level))
     }
 
+    /// Whether it changes only a part of the frame, or follows maps.
+    fn is_limited(&self) -> bool {
+        let Limits { part, mask, selector, .. } = &self.limits;
+        let in_a_part = part.as_ref().is_some_and(Part::has_box);
+        in_a_part || mask.is_some() || selector.is_some() || self.attended.is_some()
+    }
+
     /// What it does to the places of things, with what limits it.
     ///
     /// # Errors
     /// If that is not known, with its name.
     pub fn geometry(&self) -> Result<Geometry> {
-        let Limits { part, mask, selector, .. } = &self.limits;
-        let in_a_part = part.as_ref().is_some_and(Part::has_box);
-        let limited = in_a_part || mask.is_some() || selector.is_some() || self.attended.is_some();
         let sentence = match self.parameters.description.geometry {
             Geometry::Kept => return Ok(Geometry::Kept),
-            Geometry::Moved if !limited => return Ok(Geometry::Moved),
+            Geometry::Moved if !self.is_limited() => return Ok(Geometry::Moved),
             Geometry::Moved => {
                 "it moves things in a part of the frame only, so that it is not known where they are"
             }
@@ -300,6 +304,33 @@ impl Link {
         let cx = context((level, moment), &key, self.dice.draws, self.parameters.at(level));
         self.held.call(Function::MovePoints, Some(moment.frame_index), |instance| {
             instance.move_points(points, way, size, &cx)
+        })
+    }
+
+    /// Takes a gradient back from a frame to the picture that it shows: see
+    /// [`Perturbation::picture_gradient`](pdk_sdk::perturbation::Perturbation::picture_gradient).
+    ///
+    /// # Errors
+    /// If it cannot, with its name.
+    pub fn picture_gradient(
+        &mut self,
+        of_frame: &[f32],
+        size: [usize; 2],
+        moment: &Moment<'_>,
+        into: &mut [f32],
+    ) -> Result<()> {
+        if self.is_limited() {
+            let sentence =
+                "only a picture that is shown whole can be trained, so leave `region`, `where` and boxes out";
+            return Err(Error::new(sentence).at(self.held.label()));
+        }
+        let Some(level) = self.level_of(moment) else { return Ok(()) };
+        let key = self.dice.key_of(moment.frame_index);
+        let depth = moment.depth.filter(|_| self.needs_depth());
+        let mut cx = context((level, moment), &key, self.dice.draws, self.parameters.at(level));
+        cx.depth = depth;
+        self.held.call(Function::PictureGradient, Some(moment.frame_index), |instance| {
+            instance.picture_gradient(of_frame, size, &cx, into)
         })
     }
 }

@@ -109,6 +109,8 @@ functions! {
     Observe: "observe";
     /// What becomes of a control.
     Actuate: "actuate";
+    /// How something changes with the picture that a perturbation shows.
+    PictureGradient: "picture_gradient";
     /// How a recording is written again.
     Form: "form";
     /// A file of a recording that is written again.

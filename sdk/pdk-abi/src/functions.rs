@@ -193,6 +193,18 @@ pub struct PerturbationFunctions {
         into: *mut Control,
         error: *const Sink,
     ) -> Status,
+    /// Adds to `into`, `length` numbers, three for each pixel of the picture that it shows, how something changes with them. `of_frame` has
+    /// how it changes with the perturbed frame of this size, three numbers for each pixel.
+    pub picture_gradient: unsafe extern "C" fn(
+        object: *mut c_void,
+        of_frame: *const f32,
+        width: usize,
+        height: usize,
+        context: *const PerturbationContext,
+        into: *mut f32,
+        length: usize,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a simulator.

@@ -142,14 +142,31 @@ impl Decal {
         }
     }
 
-    /// Adds to the gradient with respect to the picture what follows from one with respect to a frame of this width.
-    pub fn back(&self, of_frame: &[f32], width: usize, of_picture: &mut [f32]) {
+    /// Adds to the gradient with respect to the picture what follows from one with respect to a frame of this width, and makes the latter that with
+    /// respect to the frame before the picture was laid.
+    pub fn back(&self, of_frame: &mut [f32], width: usize, of_picture: &mut [f32]) {
+        self.back_where(of_frame, width, of_picture, |_, _| true);
+    }
+
+    /// The same from those pixels, given by column and row, at which it is not hidden.
+    pub fn back_where(
+        &self,
+        of_frame: &mut [f32],
+        width: usize,
+        of_picture: &mut [f32],
+        is_seen: impl Fn(usize, usize) -> bool,
+    ) {
         for (spot, weights) in self.spots() {
-            let from = &of_frame[(spot.y as usize * width + spot.x as usize) * CHANNELS..][..CHANNELS];
+            let (x, y) = (spot.x as usize, spot.y as usize);
+            if !is_seen(x, y) {
+                continue;
+            }
+            let from = &mut of_frame[(y * width + x) * CHANNELS..][..CHANNELS];
             for &(pixel, weight) in weights {
                 let into = &mut of_picture[pixel as usize * CHANNELS..][..CHANNELS];
-                into.iter_mut().zip(from).for_each(|(sum, value)| *sum += value * weight);
+                into.iter_mut().zip(&*from).for_each(|(sum, value)| *sum += value * weight);
             }
+            from.iter_mut().for_each(|value| *value *= spot.left);
         }
     }
 
@@ -260,8 +277,8 @@ mod tests {
     fn a_gradient_goes_back_by_the_same_weights() {
         let decal = Decal::new([12, 9], [3, 2], &SKEWED);
         let of_frame: Vec<f32> = (0..12 * 9 * 3).map(|at| (at * 7 % 13) as f32 - 6.0).collect();
-        let mut of_picture = vec![0.0; 18];
-        decal.back(&of_frame, 12, &mut of_picture);
+        let (mut of_picture, mut of_before) = (vec![0.0; 18], of_frame.clone());
+        decal.back(&mut of_before, 12, &mut of_picture);
         let sum = |picture: &[f32]| -> f32 {
             let mut laid = FrameBuf::new(12, 9);
             decal.lay(picture, laid.as_mut());
@@ -273,5 +290,21 @@ mod tests {
             let difference = (sum(&picture) - sum(&[20.0; 18])) / 200.0;
             assert!((difference - of_picture[at]).abs() < 0.5, "{at}: {difference} {}", of_picture[at]);
         }
+        // What is seen of the frame itself.
+        let laid = |value: u8| {
+            let mut frame = FrameBuf::from_vec(vec![value; 12 * 9 * 3], 12, 9).unwrap();
+            decal.lay(&[0.0; 18], frame.as_mut());
+            frame
+        };
+        for ((seen, of_frame), of_before) in laid(200).data().iter().zip(&of_frame).zip(&of_before) {
+            assert!(
+                (of_frame * f32::from(*seen) / 200.0 - of_before).abs() < 0.02,
+                "{of_frame} {seen} {of_before}"
+            );
+        }
+        // What is hidden gives nothing, and keeps what it had.
+        let (mut of_hidden, mut kept) = (vec![0.0; 18], of_frame.clone());
+        decal.back_where(&mut kept, 12, &mut of_hidden, |_, _| false);
+        assert!(of_hidden == [0.0; 18] && kept == of_frame);
     }
 }

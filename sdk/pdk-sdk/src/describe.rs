@@ -105,6 +105,9 @@ pub enum Role {
     Resolution,
     /// The vehicle's speed in metres per second, if nothing else says it.
     Speed,
+    /// The file of the picture that a perturbation shows, and that can be trained: see
+    /// [`picture_gradient`](crate::perturbation::Perturbation::picture_gradient).
+    Picture,
     /// One that this version of the SDK does not know.
     #[serde(other)]
     Unknown,

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod attack_drives;
 mod closed_loop;
 mod decide;
 mod devices;

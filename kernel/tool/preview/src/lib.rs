@@ -13,6 +13,7 @@
 //! |---|---|
 //! | [`preview`] | which perturbations are shown, and the frames that they make |
 //! | [`mod@reference`] | the pages of the reference |
+//! | [`method`] | the saliency method that shows what a driver's network looks at |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters, in help and in the reference |
 //! | [`picture`] | frames to pictures, side by side and on sheets, and GIFs |
 //! | [`text`] | labels, with a font that comes with the program |
@@ -25,6 +26,7 @@
 //! brought to the size of a camera's before it is perturbed, and to that of the picture only afterwards. If a perturbation
 //! fails, its row is the error: a sheet without it is for the caller to decide on.
 
+pub mod method;
 pub mod modifiers;
 pub mod picture;
 pub mod preview;

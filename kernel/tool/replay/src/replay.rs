@@ -5,11 +5,11 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
-use pdk_chain::view;
 use pdk_components::catalog::Catalog;
 use pdk_loop::protocol::{Drive, Driven};
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::Scenario;
+use pdk_preview::method;
 use pdk_record::directory::{RESULTS, RunDirectory, SCENARIOS};
 use pdk_record::ledger::{self, Line};
 use pdk_record::located::Located;
@@ -360,7 +360,7 @@ impl Driving<'_> {
     fn view(&self, driver: &ComponentSpec) -> Result<Option<ComponentSpec>> {
         let Some(text) = self.film.and_then(|film| film.saliency.as_ref()) else { return Ok(None) };
         let catalog = self.session.catalog();
-        view::of_driver(catalog, driver, &view::named(catalog, text)?).map(Some)
+        method::of_driver(catalog, driver, &method::named(catalog, text)?).map(Some)
     }
 
     /// The steps of a scenario's trace in the record.

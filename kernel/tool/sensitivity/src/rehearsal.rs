@@ -305,14 +305,8 @@ impl<'a> Rehearsal<'a> {
     /// If a component fails.
     pub fn decide(&mut self, chain: &mut Chain, place: &Place) -> Result<Decision> {
         let Self { driver, raw, perturbed, labels, depth, camera, .. } = self;
-        let Place { frame, state, travelled, .. } = *place;
-        let labels = labels.as_ref().map(|(names, pixels)| Labels { names, pixels });
-        let moment = Moment::new(frame, state.time)
-            .at_speed(state.speed)
-            .after(travelled)
-            .at_rate(camera.rate)
-            .with_labels(labels)
-            .with_depth(depth.as_deref());
+        let Place { frame, state, .. } = *place;
+        let moment = moment(place, labels, depth, camera);
         chain.apply(raw.as_ref(), perturbed.as_mut(), &moment)?;
         let told = DriveContext { frame_index: frame, time: state.time, speed: state.speed };
         let observed = chain.pass(ActsOn::Observation, told.numbers(), &moment)?;
@@ -347,6 +341,22 @@ impl<'a> Rehearsal<'a> {
         })
     }
 
+    /// Takes a gradient back from the frame that the driver saw at `place` to the picture that the last perturbation shows, and adds it to `into`.
+    ///
+    /// # Errors
+    /// If no perturbation shows one, or it cannot say.
+    pub fn picture_gradient(
+        &mut self,
+        chain: &mut Chain,
+        place: &Place,
+        of_frame: &[f32],
+        into: &mut [f32],
+    ) -> Result<()> {
+        let Self { perturbed, labels, depth, camera, .. } = self;
+        let size = [perturbed.width(), perturbed.height()];
+        chain.picture_gradient(of_frame, size, &moment(place, labels, depth, camera), into)
+    }
+
     /// Applies a control where the simulation is, which is at `place` or near it, and returns the next frame.
     ///
     /// # Errors
@@ -376,4 +386,20 @@ impl<'a> Rehearsal<'a> {
             )),
         }
     }
+}
+
+/// What perturbations know of a frame.
+fn moment<'a>(
+    place: &Place,
+    labels: &'a Option<(Vec<String>, Vec<u8>)>,
+    depth: &'a Option<Vec<f32>>,
+    camera: &Camera,
+) -> Moment<'a> {
+    let Place { frame, state, travelled, .. } = place;
+    Moment::new(*frame, state.time)
+        .at_speed(state.speed)
+        .after(*travelled)
+        .at_rate(camera.rate)
+        .with_labels(labels.as_ref().map(|(names, pixels)| Labels { names, pixels }))
+        .with_depth(depth.as_deref())
 }

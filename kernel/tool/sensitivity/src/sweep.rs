@@ -1,4 +1,4 @@
-//! The way back through a drive, from the frame of the largest error to the start.
+//! The way back through a drive, from the frame of the largest error to the start; or from the last of several frames whose errors count.
 
 use pdk_chain::chain::Chain;
 use pdk_sdk::describe::ActsOn;
@@ -53,6 +53,7 @@ pub fn sweep(
 ) -> Result<Sensitivity> {
     let perturbations = on_courses(&rehearsal.scenario().perturbations, courses);
     let (worst, error) = driven.worst();
+    let side = driven.places[worst].state.cross_track_error.signum();
     let mut chain = rehearsal.chain(&perturbations)?;
     let mut variants = courses
         .iter()
@@ -60,19 +61,11 @@ pub fn sweep(
         .map(|(number, course)| Variant::new(rehearsal, &perturbations, number, course))
         .collect::<Result<Vec<_>>>()?;
     let mut influence = vec![vec![0.0; worst]; perturbations.len()];
-    let mut adjoint = Adjoint::of_error(rehearsal, &driven.places[worst])?;
     let mut regions = Gathered::new(rehearsal, courses.len(), worst);
-    for frame in (0..worst).rev() {
-        let (place, decision) = (&driven.places[frame], &driven.decisions[frame]);
-        rehearsal.restore(place.frame, &place.saved)?;
-        let state = rehearsal.render(place)?;
-        let again = rehearsal.decide_alone(&mut chain, place)?;
-        if again != *decision || state != place.state {
-            return Err(not_alone(rehearsal, place, decision, &again));
-        }
-        regions.differentiate(rehearsal, place, &again)?;
-        // It moves the simulation, and leaves the frame that was rendered.
-        let of_control = adjoint.of_control(rehearsal, place, decision)?;
+    let weight = |frame| if frame == worst { side } else { 0.0 };
+    go_back(rehearsal, &mut chain, driven, &weight, &mut |rehearsal, _, at| {
+        let At { frame, place, decision, of_control } = *at;
+        regions.differentiate(rehearsal, place, decision)?;
         for (number, (variant, influence)) in variants.iter_mut().zip(&mut influence).enumerate() {
             let distance = variant.distance(frame);
             let [low, high] = &mut variant.chains;
@@ -82,12 +75,57 @@ pub fn sweep(
             influence[frame] = of_control.of(low, high) / distance;
             regions.add(rehearsal, number, frame, of_control.of_steering() / distance);
         }
-        adjoint.step(rehearsal, &mut chain, place, decision, of_control)?;
         frame_done();
-    }
-    let side = driven.places[worst].state.cross_track_error.signum();
+        Ok(())
+    })?;
     let (courses, regions) = (courses.to_vec(), regions.all());
     Ok(Sensitivity { worst, error, side, influence, courses, regions })
+}
+
+/// A frame on the way back.
+pub struct At<'a> {
+    /// Its number.
+    pub frame: usize,
+    /// What decides all that follows.
+    pub place: &'a Place,
+    /// What was decided there.
+    pub decision: &'a Decision,
+    /// How the measure changes with the control that is applied there.
+    pub of_control: OfControl,
+}
+
+/// Goes back through a drive with this chain, and calls `visit` at each frame, which is the one that was rendered and decided on last. What is
+/// differentiated is the sum of the cross-track errors of all frames, each with this weight.
+///
+/// # Errors
+/// If a component fails, or what happens at a frame does not follow from that frame alone.
+pub fn go_back(
+    rehearsal: &mut Rehearsal<'_>,
+    chain: &mut Chain,
+    driven: &Driven,
+    weight: &dyn Fn(usize) -> f64,
+    visit: &mut dyn FnMut(&mut Rehearsal<'_>, &mut Chain, &At<'_>) -> Result<()>,
+) -> Result<()> {
+    let Some(last) = (0..driven.places.len()).rev().find(|frame| weight(*frame) != 0.0) else {
+        return Ok(());
+    };
+    let mut adjoint = Adjoint::none(rehearsal);
+    adjoint.add_error(rehearsal, &driven.places[last], weight(last))?;
+    for frame in (0..last).rev() {
+        let (place, decision) = (&driven.places[frame], &driven.decisions[frame]);
+        rehearsal.restore(place.frame, &place.saved)?;
+        let state = rehearsal.render(place)?;
+        let again = rehearsal.decide_alone(chain, place)?;
+        if again != *decision || state != place.state {
+            return Err(not_alone(rehearsal, place, decision, &again));
+        }
+        // It moves the simulation, and leaves the frame that was rendered.
+        let of_control = adjoint.of_control(rehearsal, place, decision)?;
+        visit(rehearsal, chain, &At { frame, place, decision, of_control })?;
+        adjoint.step(rehearsal, chain, place, decision, of_control)?;
+        adjoint.add_error(rehearsal, place, weight(frame))?;
+    }
+    Ok(())
 }
 
 /// The error if what happens at a frame does not follow from that frame alone.
@@ -109,24 +147,24 @@ fn not_alone(rehearsal: &Rehearsal<'_>, place: &Place, driven: &Decision, again:
     ))
 }
 
-/// How the error changes with each number of the control that is applied.
+/// How the measure changes with each number of the control that is applied.
 #[derive(Debug, Clone, Copy)]
-struct OfControl([f64; 2]);
+pub struct OfControl([f64; 2]);
 
 impl OfControl {
-    /// How the error changes with the steering.
-    fn of_steering(self) -> f64 {
+    /// How the measure changes with the steering.
+    pub fn of_steering(self) -> f64 {
         self.0[0]
     }
 
-    /// How much more the error is with one control than with another.
+    /// How much more the measure is with one control than with another.
     fn of(self, low: Control, high: Control) -> f64 {
         let (low, high) = (low.numbers(), high.numbers());
         self.0.iter().zip(low).zip(high).map(|((by, low), high)| by * (high - low)).sum()
     }
 }
 
-/// How the error changes with each number that the simulator saves, at some frame.
+/// How the measure changes with each number that the simulator saves, at some frame.
 struct Adjoint {
     /// Metres for one unit of each number.
     by: Vec<f64>,
@@ -135,20 +173,26 @@ struct Adjoint {
 }
 
 impl Adjoint {
-    /// At the frame of the error itself.
-    fn of_error(rehearsal: &mut Rehearsal<'_>, place: &Place) -> Result<Self> {
-        let sign = place.state.cross_track_error.signum();
-        let mut by = vec![0.0; place.saved.len()];
+    /// With nothing that changes.
+    fn none(rehearsal: &Rehearsal<'_>) -> Self {
+        let periods = rehearsal.numbers().iter().map(|number| number.period).collect();
+        Self { by: vec![0.0; rehearsal.numbers().len()], periods }
+    }
+
+    /// Adds the error at a frame itself, with a weight.
+    fn add_error(&mut self, rehearsal: &mut Rehearsal<'_>, place: &Place, weight: f64) -> Result<()> {
+        if weight == 0.0 {
+            return Ok(());
+        }
         for number in varied(rehearsal) {
             let step = number.step * PART_FOR_MOTION;
             let mut at = |step: f64| -> Result<State> {
                 rehearsal.restore(place.frame, &moved(&place.saved, number.place, step))
             };
             let (low, high) = (at(-step)?, at(step)?);
-            by[number.place] = sign * (high.cross_track_error - low.cross_track_error) / (2.0 * step);
+            self.by[number.place] += weight * (high.cross_track_error - low.cross_track_error) / (2.0 * step);
         }
-        let periods = rehearsal.numbers().iter().map(|number| number.period).collect();
-        Ok(Self { by, periods })
+        Ok(())
     }
 
     /// What this comes to for numbers of the next frame that are so far apart.
@@ -161,7 +205,7 @@ impl Adjoint {
         self.by.iter().zip(apart).map(|(by, apart)| by * apart).sum()
     }
 
-    /// How the error changes with the control at the frame before.
+    /// How the measure changes with the control at the frame before.
     fn of_control(
         &self,
         rehearsal: &mut Rehearsal<'_>,

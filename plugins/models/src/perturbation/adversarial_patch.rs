@@ -16,6 +16,8 @@ const FURTHEST: f64 = 60.0;
 pub struct AdversarialPatch {
     picture: FrameBuf,
     values: Vec<f32>,
+    /// Whether the mean colour is shown in place of the picture.
+    is_mean: bool,
     place: Place,
     /// Whether what is nearer hides it, by the simulator's depth.
     is_hidden: bool,
@@ -51,9 +53,12 @@ impl Component for AdversarialPatch {
         .example(json!({"picture": "dave2_patch"}))
         .mathematics("the picture on a plane, that of the ground or an upright one, as a pinhole camera sees it, with 16 samples a pixel")
         .source("Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021")
-        .parameter(artwork::parameter(
-            "the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk",
-        ))
+        .parameter(
+            artwork::parameter(
+                "the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk",
+            )
+            .role(Role::Picture),
+        )
         .parameter(Parameter::choice(
             "show",
             &["picture", "mean"],
@@ -148,10 +153,9 @@ impl Component for AdversarialPatch {
 
     fn new(config: &Config) -> Result<Self> {
         let picture = artwork::read(config)?;
-        let mut values = decal::values(picture.as_ref());
-        if config.text("show") == "mean" {
-            values = decal::mean(&values);
-        }
+        let is_mean = config.text("show") == "mean";
+        let values = decal::values(picture.as_ref());
+        let values = if is_mean { decal::mean(&values) } else { values };
         let number = |name| config.number(name);
         let place = match config.text("on") {
             "frame" => Place::Frame { middle: [number("across"), number("down")] },
@@ -168,28 +172,21 @@ impl Component for AdversarialPatch {
             },
         };
         let is_hidden = config.text("depth") == "simulator";
-        Ok(Self { picture, values, place, is_hidden, laid: None })
+        Ok(Self { picture, values, is_mean, place, is_hidden, laid: None })
     }
 }
 
 impl Perturbation for AdversarialPatch {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let size = [src.width(), src.height()];
-        let middles = self.middles(cx);
-        if self.laid.as_ref().is_none_or(|laid| laid.size != size || laid.middles != middles) {
-            let decals = middles.iter().map(|middle| self.decal(size, *middle)).collect();
-            self.laid = Some(Laid { size, middles, decals });
-        }
         dst.copy_from(src);
         let depth = self.depth(size, cx)?;
+        self.lay(size, cx);
         let Some(laid) = &self.laid else { return Ok(()) };
         for (decal, middle) in laid.decals.iter().zip(&laid.middles) {
             match depth.zip(self.placed(size, *middle)) {
                 Some((depth, (placed, view))) => {
-                    let is_seen = |x: usize, y: usize| {
-                        let own = placed.depth(&view, [x as f64 + 0.5, y as f64 + 0.5]);
-                        own.is_none_or(|own| f64::from(depth[y * size[0] + x]) > own * (1.0 - NEARER))
-                    };
+                    let is_seen = |x: usize, y: usize| is_seen(depth, size, &placed, &view, [x, y]);
                     decal.lay_where(&self.values, dst.reborrow(), is_seen);
                 }
                 None => decal.lay(&self.values, dst.reborrow()),
@@ -197,9 +194,59 @@ impl Perturbation for AdversarialPatch {
         }
         Ok(())
     }
+
+    fn picture_gradient(
+        &mut self,
+        of_frame: &[f32],
+        size: [usize; 2],
+        cx: &Context<'_>,
+        into: &mut [f32],
+    ) -> Result<()> {
+        if into.len() != self.values.len() {
+            return Err(Error::new(format!(
+                "{} numbers are not three for each pixel of a picture of {}x{}",
+                into.len(),
+                self.picture.width(),
+                self.picture.height()
+            )));
+        }
+        if self.is_mean {
+            return Err(Error::new("its mean colour is shown in place of the picture; set `show=picture`"));
+        }
+        let depth = self.depth(size, cx)?;
+        self.lay(size, cx);
+        let Some(laid) = &self.laid else { return Ok(()) };
+        // The nearest first: it was laid last, over the others.
+        let mut of_frame = of_frame.to_vec();
+        for (decal, middle) in laid.decals.iter().zip(&laid.middles).rev() {
+            match depth.zip(self.placed(size, *middle)) {
+                Some((depth, (placed, view))) => {
+                    let is_seen = |x: usize, y: usize| is_seen(depth, size, &placed, &view, [x, y]);
+                    decal.back_where(&mut of_frame, size[0], into, is_seen);
+                }
+                None => decal.back(&mut of_frame, size[0], into),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether nothing hides a picture at a pixel, by the simulator's depth.
+fn is_seen(depth: &[f32], size: [usize; 2], placed: &Placed, view: &View, [x, y]: [usize; 2]) -> bool {
+    let own = placed.depth(view, [x as f64 + 0.5, y as f64 + 0.5]);
+    own.is_none_or(|own| f64::from(depth[y * size[0] + x]) > own * (1.0 - NEARER))
 }
 
 impl AdversarialPatch {
+    /// Finds where the pictures are seen in a frame of this size.
+    fn lay(&mut self, size: [usize; 2], cx: &Context<'_>) {
+        let middles = self.middles(cx);
+        if self.laid.as_ref().is_none_or(|laid| laid.size != size || laid.middles != middles) {
+            let decals = middles.iter().map(|middle| self.decal(size, *middle)).collect();
+            self.laid = Some(Laid { size, middles, decals });
+        }
+    }
+
     /// The width of the picture and how far ahead its middle is, for each that is seen, the furthest first.
     fn middles(&self, cx: &Context<'_>) -> Vec<[f64; 2]> {
         let Place::Road { distance, spacing, .. } = self.place else {
@@ -374,6 +421,54 @@ mod tests {
             assert!(hidden[0] == 160 && hidden[2] > 170, "{pose} {hidden:?}");
             assert!(shown(None).unwrap_err().to_string().contains("set `depth=none`"));
         }
+    }
+
+    #[test]
+    fn a_gradient_goes_back_to_the_picture_as_differences_say() {
+        // Two pictures on the way, the nearer of which covers a part of the other.
+        let given = json!({"distance": 8.0, "spacing": 2.0, "stretch": 3.0, "offset": 0.5});
+        let file = picture();
+        let slopes: Vec<f32> = (0..160 * 80 * 3).map(|at| ((at * 7919) % 17) as f32 - 8.0).collect();
+        let grey = FrameBuf::from_vec(vec![90; 160 * 80 * 3], 160, 80).unwrap();
+        let named = |given: &Value, file: &NamedTempFile| {
+            let mut given = given.clone();
+            given["picture"] = file.path().to_str().unwrap().into();
+            Trial::<AdversarialPatch>::new(&given, 4.0, Key([1; 32]))
+        };
+        let sum = |file: &NamedTempFile| -> f32 {
+            let mut target = FrameBuf::new(160, 80);
+            let mut trial = named(&given, file).unwrap();
+            let (instance, cx) = trial.at(10, 0.5);
+            instance.apply(grey.as_ref(), target.as_mut(), &cx).unwrap();
+            target.data().iter().zip(&slopes).map(|(value, slope)| f32::from(*value) * slope).sum()
+        };
+        let mut trial = named(&given, &file).unwrap();
+        let (instance, cx) = trial.at(10, 0.5);
+        let mut gradient = vec![0.0; 8 * 8 * 3];
+        instance.picture_gradient(&slopes, [160, 80], &cx, &mut gradient).unwrap();
+        for at in [0, 27, 100, 191] {
+            let changed = |by: u8| {
+                let file = NamedTempFile::with_suffix(".png").unwrap();
+                let mut bytes = pdk_image::read(self::picture().path()).unwrap().data().to_vec();
+                bytes[at] = by;
+                let picture = FrameBuf::from_vec(bytes, 8, 8).unwrap();
+                pdk_image::write(file.path(), picture.as_ref()).unwrap();
+                sum(&file)
+            };
+            let difference = (changed(240) - changed(0)) / 240.0;
+            // Each of some hundred pixels is rounded.
+            assert!(
+                (difference - gradient[at]).abs() < 0.02 * difference.abs() + 1.0,
+                "{at}: {difference} {}",
+                gradient[at]
+            );
+        }
+        let refused = instance.picture_gradient(&slopes, [160, 80], &cx, &mut [0.0; 3]).unwrap_err();
+        assert!(refused.to_string().contains("3 numbers are not three for each pixel of a picture of 8x8"));
+        let mut mean = named(&json!({"show": "mean"}), &file).unwrap();
+        let (instance, cx) = mean.at(10, 0.5);
+        let refused = instance.picture_gradient(&slopes, [160, 80], &cx, &mut gradient).unwrap_err();
+        assert!(refused.to_string().contains("`show=picture`"));
     }
 
     #[test]

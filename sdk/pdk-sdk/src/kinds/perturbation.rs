@@ -73,6 +73,26 @@ pub trait Perturbation: Send {
         let _ = (points, way, size, cx);
         Err(Error::new("it does not say where it moves things; implement `move_points`"))
     }
+
+    /// Takes a gradient back from the perturbed frame to the picture that it shows, so that the picture can be trained. `of_frame` has how
+    /// something, such as the driver's steering, changes with each value of a perturbed frame of `size`, width and height, in the same context: three
+    /// numbers for each pixel, row by row. How it changes with each value of the picture is added to `into`, which is as long as the picture has
+    /// values. Rounding to bytes counts as if it were not there.
+    ///
+    /// A perturbation with a parameter of the [role](crate::describe::Role) `Picture` has it; others do without.
+    ///
+    /// # Errors
+    /// If it cannot say, or if `into` is not as long as the picture has values.
+    fn picture_gradient(
+        &mut self,
+        of_frame: &[f32],
+        size: [usize; 2],
+        cx: &Context<'_>,
+        into: &mut [f32],
+    ) -> Result<()> {
+        let _ = (of_frame, size, cx, into);
+        Err(Error::new("it does not show a picture that can be trained; implement `picture_gradient`"))
+    }
 }
 
 /// What a perturbation makes of a signal at the moment of `cx`, if that can be used: of the time and the speed that the driver gets, or of the
@@ -326,6 +346,20 @@ functions! { Perturbation as PerturbationFunctions:
             Ok(())
         })
     }
+    fn picture_gradient(
+        component,
+        names,
+        of_frame: *const f32,
+        width: usize,
+        height: usize,
+        context: *const pdk_abi::PerturbationContext,
+        into: *mut f32,
+        length: usize
+    ) {
+        let of_frame = convert::slice(of_frame, width.saturating_mul(height).saturating_mul(3));
+        let into = convert::slice_mut(into, length);
+        with_context(names, context, |cx| component.picture_gradient(of_frame, [width, height], cx, into))
+    }
 }
 
 /// Calls a perturbation with the context that the host hands over.
@@ -431,6 +465,33 @@ impl Perturbation for Host {
         // SAFETY: everything lives through the call.
         call(|error| unsafe { actuate(pointer, &control, &context, &mut into, error) })?;
         Ok(Control::from_raw(into))
+    }
+
+    fn picture_gradient(
+        &mut self,
+        of_frame: &[f32],
+        [width, height]: [usize; 2],
+        cx: &Context<'_>,
+        into: &mut [f32],
+    ) -> Result<()> {
+        let Object { pointer, functions, .. } = self.0;
+        let gradient = needed(functions.picture_gradient(), "picture_gradient")?;
+        values_of([width, height], of_frame)?;
+        let context = perturbation_context(cx);
+        let (from, data, length) = (of_frame.as_ptr(), into.as_mut_ptr(), into.len());
+        // SAFETY: everything lives through the call, and there are three numbers for each pixel of the frame.
+        call(|error| unsafe { gradient(pointer, from, width, height, &context, data, length, error) })
+    }
+}
+
+/// Checks that there are three numbers for each pixel of a frame.
+fn values_of([width, height]: [usize; 2], numbers: &[f32]) -> Result<()> {
+    match numbers.len() == width * height * 3 {
+        true => Ok(()),
+        false => Err(Error::of(
+            ErrorKind::Nonsense,
+            format!("{} numbers are not three for each pixel of a frame of {width}x{height}", numbers.len()),
+        )),
     }
 }
 

@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use pdk_chain::view;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_preview::picture;
 use pdk_preview::preview::{self, Options};
+use pdk_preview::{method, picture};
 use pdk_sdk::describe::{Kind, Role, Temporal};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
@@ -74,9 +73,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         None => None,
         Some(model) => {
             let catalog = registry.catalog();
-            let mut method = view::named(catalog, arguments.method.as_deref().unwrap_or_default())?;
+            let mut method = method::named(catalog, arguments.method.as_deref().unwrap_or_default())?;
             if catalog.get(Kind::Driver, model).is_ok() {
-                method = view::of_driver(catalog, &ComponentSpec::new(model.as_str()), &method)?;
+                method = method::of_driver(catalog, &ComponentSpec::new(model.as_str()), &method)?;
             } else {
                 let network = catalog.get(Kind::Saliency, &method.name)?.description.with_role(Role::Network);
                 method

@@ -5,11 +5,12 @@ use std::process::{Command, Stdio};
 
 use image::codecs::jpeg::JpegEncoder;
 use pdk_chain::moment::Moment;
-use pdk_chain::view::{self, View};
+use pdk_chain::view::View;
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_notice::eprintln;
 use pdk_notice::println;
+use pdk_preview::method;
 use pdk_preview::picture;
 use pdk_record::directory::REPORT;
 use pdk_report::Run;
@@ -51,7 +52,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Read { mut run, mut warnings } = record::read_all(&arguments.record, &page)?;
     if let Some(method) = &arguments.saliency {
         let registry = global.registry()?;
-        let method = view::named(registry.catalog(), method)?;
+        let method = method::named(registry.catalog(), method)?;
         warnings.extend(add_attention(&registry, &mut run, &method)?);
     }
     for warning in &warnings {
@@ -92,7 +93,7 @@ fn add_attention(registry: &Registry, run: &mut Run, method: &ComponentSpec) -> 
     let mut left_out = Vec::new();
     for drive in &mut run.drives {
         let Some(driver) = &drive.driver_spec else { continue };
-        let by = match view::of_driver(registry.catalog(), driver, method) {
+        let by = match method::of_driver(registry.catalog(), driver, method) {
             Ok(by) => by,
             Err(error) => {
                 left_out.push(format!("there are no heat maps of `{}`: {error}", drive.driver));

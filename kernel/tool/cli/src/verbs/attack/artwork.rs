@@ -119,14 +119,13 @@ impl Artwork {
     ///
     /// # Errors
     /// If they are not, or the change is none.
-    pub fn universal<'a>(epsilon: f64, frames: impl IntoIterator<Item = &'a Shown>) -> Result<Self> {
+    pub fn universal(epsilon: f64, frames: &[&Shown]) -> Result<Self> {
         if !(1.0..=255.0).contains(&epsilon) {
             return Err(Error::new(format!("--epsilon is {epsilon}; give a number from 1 to 255")));
         }
-        let size = |shown: &Shown| [shown.frame.width(), shown.frame.height()];
-        let mut frames = frames.into_iter();
-        let first = frames.next().map(size).unwrap_or_default();
-        match frames.find(|shown| size(shown) != first) {
+        let size = |shown: &&Shown| [shown.frame.width(), shown.frame.height()];
+        let first = frames.first().map(size).unwrap_or_default();
+        match frames.iter().find(|shown| size(shown) != first) {
             None => Ok(Self::Universal { epsilon: epsilon as f32, size: first }),
             Some(other) => Err(Error::new(format!(
                 "frame `{}` has {:?} pixels and the first one {first:?}; name a recording whose frames have one size",
@@ -223,10 +222,10 @@ impl Artwork {
     }
 
     /// Adds the gradient with respect to the values, given the one with respect to the frame.
-    pub fn back(&self, put: &Put, of_frame: &[f32], width: usize, sums: &mut [f32]) {
+    pub fn back(&self, put: &Put, of_frame: &mut [f32], width: usize, sums: &mut [f32]) {
         match put {
             Put::Patch(decal) => decal.back(of_frame, width, sums),
-            Put::Universal => sums.iter_mut().zip(of_frame).for_each(|(sum, value)| *sum += value),
+            Put::Universal => sums.iter_mut().zip(&*of_frame).for_each(|(sum, value)| *sum += value),
         }
     }
 }

@@ -1,182 +1,64 @@
-//! `pdk attack`: trains a picture on recorded frames that makes a driver steer elsewhere, wherever it is seen.
+//! `pdk attack`: trains a picture that makes a driver steer elsewhere: on recorded frames, or by the derivative of recorded drives.
 
 mod artwork;
+mod drives;
+mod frames;
 mod training;
 
-use std::path::PathBuf;
-
-use pdk_chain::chain::Chain;
-use pdk_components::registry::Registry;
-use pdk_model::component::ComponentSpec;
-use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::parse_seed;
-use pdk_notice::println;
+use clap::Subcommand;
 use pdk_sdk::camera::Mounting;
-use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::Driver;
-use pdk_terminal::table::table;
-use serde_json::json;
+use pdk_sdk::error::Result;
 
-use super::perturb::check_output;
-use super::saliency::frames::Frames;
+use super::Global;
 use super::saliency::shown::Shown;
-use super::{Global, print_json};
-use artwork::{Artwork, Road};
-use training::{Measured, Training};
-
-/// One of this many frames is held back to measure on.
-const HELD_BACK: usize = 4;
 
 /// Arguments of `pdk attack`
 #[derive(clap::Args)]
-#[command(after_help = AFTER)]
 pub struct Arguments {
-    /// What is made: a patch that lies on the road, or a universal change of the whole frame
-    #[arg(value_name = "KIND", value_parser = ["patch", "universal"])]
-    kind: String,
-    /// The image, a folder of images, the record of a run with images, or the folder of a dataset
-    frames: PathBuf,
-    /// The driver that is attacked, which runs a network, with its parameters
-    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
-    driver: String,
-    /// The picture to write
-    #[arg(short, long = "out", alias = "output", value_name = "FILE.png")]
-    output: PathBuf,
-    /// Where the driver is to steer
-    #[arg(long, value_parser = ["left", "right"], default_value = "left")]
-    goal: String,
-    /// A perturbation that the picture is to survive; may be given several times, and each frame gets one of them or none
-    #[arg(long = "under", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...")]
-    under: Vec<String>,
-    /// How often the picture is changed
-    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    steps: u32,
-    /// How many frames are looked at for each change
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    batch: u32,
-    /// At most this many frames, spread evenly
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    count: usize,
-    /// The largest change of a value of the frame that a universal change is made for, of 255
-    #[arg(long, default_value_t = 8.0)]
-    epsilon: f64,
-    /// Width and height of a patch in pixels
-    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(2..=1024))]
-    pixels: u16,
-    #[command(flatten)]
-    road: Road,
-    /// The speed for a network with a speed input, in metres per second; frames of a record have their own
-    #[arg(long, default_value_t = 8.0)]
-    speed: f64,
-    /// The seed that all random numbers come from
-    #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
-    seed: u64,
+    #[command(subcommand)]
+    kind: Kind,
 }
 
-const AFTER: &str = "The perturbations of the family attack take the picture as their parameter `picture`. One frame in four is held back, and the table is measured on \
-these frames.";
-
-/// Trains a picture, writes it, and shows what it does on frames that it was not trained on.
-pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    check_output(&arguments.frames, &arguments.output)?;
-    let registry = global.registry()?;
-    let (driver, place) = driver(&registry, &arguments.driver)?;
-    let (frames, held_back) = frames(&registry, arguments)?;
-    let artwork = match arguments.kind.as_str() {
-        "universal" => Artwork::universal(arguments.epsilon, frames.iter().chain(&held_back))?,
-        _ => Artwork::patch(arguments.road, usize::from(arguments.pixels))?,
-    };
-    let mut training = Training {
-        driver,
-        place,
-        artwork,
-        under: under(&registry, arguments)?,
-        side: if arguments.goal == "right" { 1.0 } else { -1.0 },
-        speed: arguments.speed,
-        seed: arguments.seed,
-    };
-    let progress = pdk_terminal::progress(global.json, "{pos}/{len} steps {msg} {elapsed}");
-    progress.set_length(arguments.steps.into());
-    let values = training.train(&frames, arguments.steps, arguments.batch, |steering| {
-        progress.set_message(format!("steering {steering:+.3}"));
-        progress.inc(1);
-    })?;
-    progress.finish_and_clear();
-    let picture = training.artwork.picture(&values)?;
-    pdk_image::write(&arguments.output, picture.as_ref())?;
-    // What counts is what was written, in whole bytes.
-    let measured = training.measure(&held_back, &training.artwork.values(picture.as_ref()))?;
-    show(global, arguments, &measured, [frames.len(), held_back.len()])
+#[derive(Subcommand)]
+enum Kind {
+    /// Train a patch that lies on the road, on recorded frames
+    Patch(Box<frames::Patch>),
+    /// Train a change of the whole frame, on recorded frames
+    Universal(Box<frames::Universal>),
+    /// Train the picture that recorded drives show, by the derivative of the drives
+    Drives(drives::Arguments),
 }
 
-/// Makes the driver.
-fn driver(registry: &Registry, text: &str) -> Result<(Box<dyn Driver>, String)> {
-    let spec = ComponentSpec::parse("driver", text)?;
-    registry.catalog().check(Kind::Driver, &spec.name, &spec.parameters)?;
-    let (driver, _) = registry.driver(&spec.name, &spec.parameters)?;
-    Ok((driver, format!("driver `{}`", spec.name)))
+/// Where the driver is to steer.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Goal {
+    Left,
+    Right,
 }
 
-/// A chain for each perturbation that the picture is to survive.
-fn under(registry: &Registry, arguments: &Arguments) -> Result<Vec<Chain>> {
-    let chain = |text: &String| {
-        let applied = AppliedPerturbation::parse(text)?;
-        Chain::new(registry, &[applied], arguments.seed)
-    };
-    arguments.under.iter().map(chain).collect()
-}
-
-/// The frames to train on, and those that are held back; of a single one, both are that one.
-fn frames(registry: &Registry, arguments: &Arguments) -> Result<(Vec<Shown>, Vec<Shown>)> {
-    let mut frames = Frames::open(registry, &arguments.frames, Some(arguments.count))?;
-    let (mut trained, mut held_back) = (Vec::new(), Vec::new());
-    for index in 0..frames.len() {
-        let into = if index % HELD_BACK == HELD_BACK - 1 { &mut held_back } else { &mut trained };
-        into.push(frames.read(index)?);
+impl Goal {
+    /// The side in the sign of steering and of errors: -1 is left.
+    fn side(self) -> f64 {
+        match self {
+            Self::Left => -1.0,
+            Self::Right => 1.0,
+        }
     }
-    if held_back.is_empty() {
-        return Err(Error::new(format!(
-            "{} has {} frames, too few to hold one in {HELD_BACK} back; name a recording with more",
-            arguments.frames.display(),
-            trained.len()
-        )));
+
+    /// As on the command line.
+    fn text(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
     }
-    Ok((trained, held_back))
 }
 
-/// Prints what the picture does.
-fn show(global: &Global, arguments: &Arguments, measured: &[Measured; 3], count: [usize; 2]) -> Result<()> {
-    let labels = match arguments.kind.as_str() {
-        "universal" => ["as they are", "changed at random", "changed"],
-        _ => ["as they are", "with a patch of the mean colour", "with the patch"],
-    };
-    if global.json {
-        let rows = labels.iter().zip(measured).map(|(label, measured)| {
-            json!({ "frames": label, "steering": measured.steering, "moved": measured.moved, "share": measured.share })
-        });
-        return print_json(&json!({
-            "file": arguments.output,
-            "trained_on": count[0],
-            "measured_on": count[1],
-            "measured": rows.collect::<Vec<_>>(),
-        }));
+/// Trains a picture.
+pub fn run(global: &Global, Arguments { kind }: &Arguments) -> Result<()> {
+    match kind {
+        Kind::Patch(arguments) => frames::patch(global, arguments),
+        Kind::Universal(arguments) => frames::universal(global, arguments),
+        Kind::Drives(arguments) => drives::run(global, arguments),
     }
-    let mut rows =
-        table(["frames", "mean steering", &format!("moved to the {}", arguments.goal), "by more than 0.1"]);
-    for (label, measured) in labels.iter().zip(measured) {
-        rows.add_row([
-            (*label).to_owned(),
-            format!("{:+.3}", measured.steering),
-            format!("{:+.3}", measured.moved),
-            format!("{:.0} %", 100.0 * measured.share),
-        ]);
-    }
-    println!(
-        "{rows}\nTrained on {} frames, measured on {} others. Wrote {}",
-        count[0],
-        count[1],
-        arguments.output.display()
-    );
-    Ok(())
 }

@@ -102,7 +102,7 @@ impl Training {
         let steering =
             calls::call(&self.place, Function::Gradient, work).map_err(|error| error.at(&self.place))?;
         // What a perturbation does in between counts as if it passed changes on as they are.
-        self.artwork.back(&put, &slopes, frame.width(), sums);
+        self.artwork.back(&put, &mut slopes, frame.width(), sums);
         Ok(steering)
     }
 

@@ -13,12 +13,12 @@ use std::path::PathBuf;
 use indicatif::ProgressBar;
 use pdk_chain::maps;
 use pdk_chain::maps::Line;
-use pdk_chain::view;
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
+use pdk_preview::method;
 use pdk_sdk::describe::{Description, Kind, Role};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, MapContext, Saliency};
@@ -181,7 +181,7 @@ fn method(
     text: &str,
     before: &[Method],
 ) -> Result<Method> {
-    let spec = view::named(registry.catalog(), text)?;
+    let spec = method::named(registry.catalog(), text)?;
     let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
     let takes = |role| description.with_role(role).map(|parameter| parameter.name.as_str());
     let size = takes(Role::Resolution);
@@ -197,7 +197,7 @@ fn method(
             spec.name, arguments.explain
         )));
     }
-    let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
+    let mut parameters = method::of_driver(registry.catalog(), driver, &spec)?.parameters;
     let given = [
         (Role::Explained, Value::from(arguments.explain.as_str())),
         (Role::Speed, Value::from(arguments.speed)),
