@@ -15,6 +15,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+# The tool is older than NumPy 2, which has no other name for it.
+if not hasattr(np, "int0"):
+    np.int0 = np.intp
+
 PACKAGE = "perturbationdrive"
 NOTE = """The functions of the published tool are measured without the class around them. Overlays are keyed and scaled once, as in the published
 tool, and drawn videos of 640x480 replace its own."""
@@ -40,7 +44,7 @@ class Published:
         function = getattr(self.functions, name, None)
         if not callable(function):
             raise NotImplementedError(name)
-        given = [parameter for parameter in inspect.signature(function).parameters.values() if parameter.default is parameter.empty]
+        given = [parameter for parameter in parameters(function) if parameter.default is parameter.empty]
         if len(given) == 2:
             return function(level, image)
         if len(given) != 3:
@@ -50,6 +54,16 @@ class Published:
             pictures = drawn(image.shape)
             self.overlays[key] = itertools.cycle(pictures) if name.startswith("dynamic") else pictures[0]
         return function(level, image, self.overlays[key])
+
+
+def parameters(function):
+    """The parameters of a function, also behind a decorator that takes any arguments and does not say whose."""
+    found = list(inspect.signature(function).parameters.values())
+    if any(parameter.kind is parameter.VAR_POSITIONAL for parameter in found):
+        behind = [cell.cell_contents for cell in function.__closure__ or () if callable(cell.cell_contents)]
+        if len(behind) == 1:
+            return parameters(behind[0])
+    return found
 
 
 def drawn(shape):
