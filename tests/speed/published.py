@@ -2,9 +2,11 @@
 
 Only the module with its perturbations is loaded, and what that imports itself; the package around it needs far more. Overlays are
 given as the tool's class prepares them: keyed and scaled to the frame once, still ones as a picture, moving ones as an endless
-iterator of pictures. The videos themselves are replaced by drawn ones, since a checkout need not have them.
+iterator of pictures. The videos themselves are replaced by drawn ones, since a checkout need not have them, and so are pictures that it lacks. The
+tool reads some pictures from disk for every frame; here they are read once.
 """
 
+import functools
 import importlib
 import inspect
 import itertools
@@ -21,7 +23,8 @@ if not hasattr(np, "int0"):
 
 PACKAGE = "perturbationdrive"
 NOTE = """The functions of the published tool are measured without the class around them. Overlays are keyed and scaled once, as in the published
-tool, and drawn videos of 640x480 replace its own."""
+tool, and drawn videos of 640x480 replace its own. It reads the pictures of `frost_filter`, `snow_filter` and `object_overlay` from disk for every frame; here they are in memory, and
+drawn ones of 640x480 and 1280x720 replace those that were not available. Its `cutout_filter`, `impulse_noise`, `object_overlay` and overlays write into the frame that they are given, which spares them the copy that pdk makes."""
 PICTURES = 20  # of a drawn video
 
 
@@ -37,6 +40,8 @@ class Published:
         package.__path__ = [str(folder)]
         sys.modules[PACKAGE] = package
         self.functions = importlib.import_module(f"{PACKAGE}.perturbationfuncs")
+        # For the tool alone, what it reads is kept.
+        self.functions.cv2 = types.SimpleNamespace(**{**vars(cv2), "imread": functools.cache(reader(folder.parent))})
         self.overlays = {}
 
     def perturb(self, name, level, image):
@@ -54,6 +59,19 @@ class Published:
             pictures = drawn(image.shape)
             self.overlays[key] = itertools.cycle(pictures) if name.startswith("dynamic") else pictures[0]
         return function(level, image, self.overlays[key])
+
+
+def reader(checkout):
+    """Reads pictures of a checkout; those that it lacks are drawn."""
+
+    def read(path, flags=cv2.IMREAD_COLOR):
+        if (checkout / path).is_file():
+            return cv2.imread(str(checkout / path), flags)
+        if flags == cv2.IMREAD_COLOR:
+            return np.ascontiguousarray(drawn((480, 640, 3))[0][:, :, :3])
+        return drawn((720, 1280, 3))[0]
+
+    return read
 
 
 def parameters(function):
