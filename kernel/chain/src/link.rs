@@ -320,8 +320,7 @@ impl Link {
         into: &mut [f32],
     ) -> Result<()> {
         if self.is_limited() {
-            let sentence =
-                "only a picture that is shown whole can be trained, so leave `region`, `where` and boxes out";
+            let sentence = "only a picture that is shown whole can be trained, so leave `region`, `where`, `attention` and boxes out";
             return Err(Error::new(sentence).at(self.held.label()));
         }
         let Some(level) = self.level_of(moment) else { return Ok(()) };

@@ -21,7 +21,8 @@
 //! | [`span`] | the part of a drive in which the levels decide |
 //! | [`windows`] | how far back a derivative holds, by drives |
 //! | [`bends`] | what becomes of a drive if one angle of its road is changed, by drives |
-//! | [`picture`] | a picture that a perturbation shows, trained by the derivative |
+//! | [`picture`] | how a drive changes with the picture that a perturbation shows |
+//! | [`momentum`] | the steps of a picture in training |
 //! | [`least`] | the least change of a course with which a drive leaves its lane |
 //! | [`plot`] | pictures of all that |
 
@@ -29,6 +30,7 @@ pub mod analysis;
 pub mod bends;
 pub mod course;
 pub mod least;
+pub mod momentum;
 pub mod picture;
 pub mod plot;
 pub mod regions;

@@ -313,9 +313,17 @@ impl<'a> Rehearsal<'a> {
         let cx = observed.map_or(told, |[time, speed]| DriveContext { time, speed, ..told });
         let control = driver
             .call(Function::Drive, Some(frame), |driver| driver.drive(perturbed.as_ref(), &cx)?.checked())?;
-        let applied = chain.pass(ActsOn::Control, control.numbers(), &moment)?.map(Control::from_numbers);
+        let applied = applied(chain, control, &moment)?;
         let frame_hash = XxHash3_64::oneshot(perturbed.as_ref().data());
-        Ok(Decision { control, applied: applied.unwrap_or(control), observed, frame_hash })
+        Ok(Decision { control, applied, observed, frame_hash })
+    }
+
+    /// What is applied to the vehicle at `place` if this is the driver's control.
+    ///
+    /// # Errors
+    /// If a perturbation fails.
+    pub fn applied(&self, chain: &mut Chain, place: &Place, control: Control) -> Result<Control> {
+        applied(chain, control, &moment(place, &self.labels, &self.depth, &self.camera))
     }
 
     /// The same for a driver that has seen nothing yet.
@@ -386,6 +394,12 @@ impl<'a> Rehearsal<'a> {
             )),
         }
     }
+}
+
+/// What becomes of a control on its way to the vehicle.
+fn applied(chain: &mut Chain, control: Control, moment: &Moment<'_>) -> Result<Control> {
+    let applied = chain.pass(ActsOn::Control, control.numbers(), moment)?;
+    Ok(applied.map_or(control, Control::from_numbers))
 }
 
 /// What perturbations know of a frame.

@@ -158,7 +158,7 @@ impl OfControl {
     }
 
     /// How much more the measure is with one control than with another.
-    fn of(self, low: Control, high: Control) -> f64 {
+    pub fn of(self, low: Control, high: Control) -> f64 {
         let (low, high) = (low.numbers(), high.numbers());
         self.0.iter().zip(low).zip(high).map(|((by, low), high)| by * (high - low)).sum()
     }

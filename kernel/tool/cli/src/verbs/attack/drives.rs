@@ -1,11 +1,13 @@
 //! `pdk attack drives`: trains the picture that recorded drives show, by the derivative of the drives.
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use pdk_components::catalog::Catalog;
 use pdk_components::registry::Registry;
 use pdk_lua::LuaScripts;
-use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::outcome::Outcome;
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_notice::{eprintln, println};
 use pdk_record::ledger::Line;
@@ -13,17 +15,22 @@ use pdk_replay::drives;
 use pdk_replay::replay::Replay;
 use pdk_sdk::describe::{Kind, Role};
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sensitivity::picture::Training;
-use pdk_sensitivity::rehearsal::Rehearsal;
+use pdk_sdk::prelude::FrameBuf;
+use pdk_sensitivity::momentum::Momentum;
+use pdk_sensitivity::picture::{left_to, mean_error, slopes};
+use pdk_sensitivity::rehearsal::{Driven, Rehearsal};
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use pdk_terminal::table::table;
 use serde_json::json;
+use tempfile::NamedTempFile;
 
 use super::Goal;
-use crate::verbs::perturb::check_output;
 use crate::verbs::recorded::{self, Driving};
 use crate::verbs::{Global, print_json};
+
+/// The first step, in grey levels; later ones are shorter, down to none.
+const STEP: f32 = 25.0;
 
 /// Arguments of `pdk attack drives`
 #[derive(clap::Args)]
@@ -41,8 +48,8 @@ pub struct Arguments {
     /// To which side the vehicle is to leave its lane
     #[arg(long, default_value = "left")]
     goal: Goal,
-    /// How often the picture is changed at most; the drives take turns
-    #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// How often the picture is changed at most
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     steps: u32,
     /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
     /// they are listed, and nothing of the record is run
@@ -51,10 +58,17 @@ pub struct Arguments {
 }
 
 const AFTER: &str = "The drives have to show the same picture by their last perturbation, such as a patch on the road. It is where the training begins. A step takes as long as about \
-fifteen drives. Afterwards a worker drives all of them with the new picture, and the table says what became of them.";
+fifteen of the drives, which are driven on all cores. Each picture that moves the vehicle further than those before is written. At the end a worker drives with the best one.";
 
-/// The picture that a drive shows.
-struct Shown {
+/// A drive that shows the picture.
+struct Drive<'a> {
+    line: &'a Line,
+    shown: ShownPicture,
+    rehearsal: Rehearsal<'a>,
+}
+
+/// Where a scenario shows a picture.
+struct ShownPicture {
     /// The place of the perturbation that shows it.
     place: usize,
     /// The perturbation's parameter.
@@ -63,77 +77,217 @@ struct Shown {
     path: PathBuf,
 }
 
+/// What came of all drives with a picture.
+struct Came {
+    /// How many changes the picture has seen.
+    steps: u32,
+    /// For each drive its digest, its mean error to the side of the goal in metres, and whether it left its lane there.
+    drives: Vec<(String, f64, bool)>,
+}
+
+impl Came {
+    fn of(steps: u32, driven: &[Driven], side: f64) -> Self {
+        let one = |driven: &Driven| (driven.digest.clone(), mean_error(driven, side), left_to(driven, side));
+        Self { steps, drives: driven.iter().map(one).collect() }
+    }
+
+    /// How many left their lane.
+    fn left(&self) -> usize {
+        self.drives.iter().filter(|(.., left)| *left).count()
+    }
+
+    /// Whether the vehicle got further to the side than with another picture.
+    fn is_better_than(&self, other: &Self) -> bool {
+        let mean = |came: &Self| came.drives.iter().map(|(_, error, _)| error).sum::<f64>();
+        (self.left(), mean(self)) > (other.left(), mean(other))
+    }
+}
+
 /// Trains the picture, writes it, and shows what becomes of the drives.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Arguments { record, scenarios, output, goal, steps, trust } = arguments;
+    let Arguments { record, scenarios, output, goal, trust, .. } = arguments;
     let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
     let replay = Replay::open(record, scenarios)?;
+    check_output(&replay, output)?;
     let driving = Driving { verb: "attack", record, pool: Pool::Here(1), limits, trust: *trust };
     let (mut session, search) = recorded::session(global, &replay, driving)?;
     for change in replay.changes(&mut session)? {
         eprintln!("pdk: warning: since the run was recorded, {change}, so it may come out differently");
     }
-    let lines: Vec<&Line> = replay.lines().collect();
     let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
-    let shown = lines
-        .iter()
-        .map(|line| Shown::of(registry.catalog(), &line.scenario).map_err(|error| of_scenario(line, error)))
-        .collect::<Result<Vec<_>>>()?;
-    let path = same_picture(&shown)?;
-    check_output(path, output)?;
-    let mut training = Training::new(&pdk_image::read(path)?);
-    // The first step drives with the picture of the record, the others with the one that is written.
-    let written = std::path::absolute(output).place(output.display())?;
-    let with_it: Vec<Scenario> =
-        lines.iter().zip(&shown).map(|(line, shown)| shown.with(&line.scenario, &written)).collect();
-    let mut rehearsals = lines
-        .iter()
-        .map(|line| Rehearsal::new(&registry, &line.scenario).map_err(|error| of_scenario(line, error)))
-        .collect::<Result<Vec<_>>>()?;
+    let drive = |line| Drive::new(&registry, line).map_err(|error| of_scenario(line, error));
+    let drives = replay.lines().map(drive).collect::<Result<Vec<_>>>()?;
+    let path = same_picture(&drives)?.to_owned();
+    let lines: Vec<&Line> = drives.iter().map(|drive| drive.line).collect();
+    let places: Vec<_> =
+        drives.iter().map(|drive| (drive.shown.place, drive.shown.parameter.clone())).collect();
     let progress = pdk_terminal::progress(global.json, "{pos}/{len} steps {msg} {elapsed}");
-    progress.set_length((*steps).into());
-    let (mut left, mut taken) = (0, 0);
-    while taken < *steps && left < lines.len() {
-        let number = taken as usize % lines.len();
-        let scenario = if taken == 0 { &lines[number].scenario } else { &with_it[number] };
-        let share = 1.0 - taken as f32 / *steps as f32;
-        let driven = training
-            .step(&mut rehearsals[number], &scenario.perturbations, goal.side(), share, &mut || {
-                progress.tick()
-            })
-            .map_err(|error| of_scenario(lines[number], error))?;
-        left = if driven.cause == Cause::LaneDeparture { left + 1 } else { 0 };
-        pdk_image::write(output, training.picture()?.as_ref())?;
-        taken += 1;
-        progress.set_message(format!("{}, largest error {:.2} m", driven.cause.text(), driven.worst().1));
-        progress.inc(1);
-    }
+    progress.set_length(arguments.steps.into());
+    let [before, best] = train(drives, &pdk_image::read(&path)?, arguments, &mut |came: &Came| {
+        progress.set_position(came.steps.into());
+        let error = came.drives.iter().map(|(_, error, _)| error).sum::<f64>() / came.drives.len() as f64;
+        progress.set_message(format!("mean error to the {} {error:+.2} m", goal.text()));
+    })?;
     progress.finish_and_clear();
-    let after = drives::outcomes(&mut session, with_it, &progress)?;
-    show(global, arguments, &lines, &after, taken)
+    let written = std::path::absolute(output).place(output.display())?;
+    let with_it = lines.iter().zip(&places).map(|(line, (place, parameter))| {
+        let perturbations = with(&line.scenario.perturbations, *place, parameter, &written);
+        Scenario { perturbations, files: Default::default(), ..line.scenario.clone() }
+    });
+    let after = drives::outcomes(&mut session, with_it.collect(), &progress)?;
+    for ((line, outcome), (digest, ..)) in lines.iter().zip(&after).zip(&best.drives) {
+        if outcome.digest != *digest {
+            let sentence = "it came out differently when a worker drove it, so the picture proves nothing; `pdk replay` says what is different";
+            return Err(of_scenario(line, Error::new(sentence)));
+        }
+    }
+    show(global, arguments, &lines, &after, [&before, &best])
 }
 
-/// The error with its scenario.
-fn of_scenario(line: &Line, error: Error) -> Error {
-    error.at(format_args!("scenario {}", line.id))
-}
-
-/// The file of the picture, which all drives show.
-fn same_picture(shown: &[Shown]) -> Result<&Path> {
-    let Some(first) = shown.first() else {
-        return Err(Error::new("there is no scenario whose picture could be trained"));
-    };
-    match shown.iter().find(|other| other.path != first.path) {
-        None => Ok(&first.path),
-        Some(other) => Err(Error::new(format!(
-            "some of the drives show {} and others {}; name those of one picture with --scenario",
-            first.path.display(),
-            other.path.display()
+/// Trains the picture and writes it whenever it is better. What came of the drives before, and with the best picture.
+fn train(
+    drives: Vec<Drive<'_>>,
+    picture: &FrameBuf,
+    arguments: &Arguments,
+    tick: &mut dyn FnMut(&Came),
+) -> Result<[Came; 2]> {
+    let Arguments { output, goal, steps, .. } = arguments;
+    let side = goal.side();
+    let mut values: Vec<f32> = picture.data().iter().map(|byte| f32::from(*byte)).collect();
+    let mut momentum = Momentum::new(values.len());
+    let file = NamedTempFile::with_suffix(".png").place("cannot make a file for the picture in training")?;
+    let drives: Vec<Mutex<Drive<'_>>> = drives.into_iter().map(Mutex::new).collect();
+    let (mut first, mut best): (Option<Came>, Option<Came>) = (None, None);
+    for step in 0..=*steps {
+        let bytes = values.iter().map(|value| value.round_ties_even() as u8).collect();
+        let current = FrameBuf::from_vec(bytes, picture.width(), picture.height()).map_err(Error::new)?;
+        // The first drives are those of the record, with the picture of the record.
+        let shown = if step == 0 { None } else { Some(file.path()) };
+        if let Some(path) = shown {
+            pdk_image::write(path, current.as_ref())?;
+        }
+        let results = pdk_parallel::map(&drives, |drive| {
+            let mut drive = drive.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            drive.drive_and_differentiate(shown, side, values.len())
+        });
+        let (driven, slopes): (Vec<Driven>, Vec<Vec<f64>>) =
+            results.into_iter().collect::<Result<Vec<_>>>()?.into_iter().unzip();
+        let came = Came::of(step, &driven, side);
+        tick(&came);
+        let all_left = came.left() == came.drives.len();
+        let known = best.as_ref().or(first.as_ref());
+        if known.is_some_and(|known| came.is_better_than(known)) {
+            pdk_image::write(output, current.as_ref())?;
+            best = Some(came);
+        } else if first.is_none() {
+            first = Some(came);
+        }
+        if all_left || step == *steps {
+            break;
+        }
+        let mut sums = vec![0.0f32; values.len()];
+        for slopes in &slopes {
+            sums.iter_mut().zip(slopes).for_each(|(sum, slope)| *sum += *slope as f32);
+        }
+        if sums.iter().all(|slope| *slope == 0.0) {
+            return Err(Error::new(
+                "the picture has no influence on these drives; name drives that show it, and in which nothing keeps the steering from the vehicle",
+            ));
+        }
+        momentum.step(&mut values, &sums, STEP * (1.0 - step as f32 / *steps as f32), [0.0, 255.0]);
+    }
+    match (first, best) {
+        (Some(first), Some(best)) => Ok([first, best]),
+        (Some(first), None) if first.left() == first.drives.len() => Err(Error::new(format!(
+            "the vehicle leaves its lane on the {} in all of these drives already; name drives in which it does not",
+            goal.text()
+        ))),
+        _ => Err(Error::new(format!(
+            "no step moved the vehicle further to the {}; try the other --goal, more --steps, or a larger picture",
+            goal.text()
         ))),
     }
 }
 
-impl Shown {
+/// Checks that the picture may be written there before any drive.
+fn check_output(replay: &Replay, output: &Path) -> Result<()> {
+    let shown = output.display();
+    if output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
+        return Err(Error::new(format!(
+            "the picture {shown} has to be a PNG file, since it is shown as it is written; give a name that ends in .png"
+        )));
+    }
+    if output.is_dir() {
+        return Err(Error::new(format!("{shown} is a folder; name a file with -o")));
+    }
+    let Ok(place) = output.canonicalize() else { return Ok(()) };
+    let named = replay.manifest().files.iter().map(|file| &file.path);
+    match named.clone().any(|path| path.canonicalize().is_ok_and(|path| path == place)) {
+        false => Ok(()),
+        true => Err(Error::new(format!(
+            "{shown} is a file that the record was made with, and would be replaced; name another file with -o"
+        ))),
+    }
+}
+
+/// The error with its scenario.
+fn of_scenario(line: &Line, error: Error) -> Error {
+    error.at(format_args!("scenario `{}`", line.name))
+}
+
+/// The file of the picture, which all drives show.
+fn same_picture<'a>(drives: &'a [Drive<'_>]) -> Result<&'a Path> {
+    let Some(first) = drives.first() else {
+        return Err(Error::new("there is no scenario whose picture could be trained"));
+    };
+    match drives.iter().find(|other| other.shown.path != first.shown.path) {
+        None => Ok(&first.shown.path),
+        Some(other) => Err(Error::new(format!(
+            "some of the drives show {} and others {}; name those of one picture with --scenario",
+            first.shown.path.display(),
+            other.shown.path.display()
+        ))),
+    }
+}
+
+impl<'a> Drive<'a> {
+    fn new(registry: &'a Registry, line: &'a Line) -> Result<Self> {
+        let shown = ShownPicture::of(registry.catalog(), &line.scenario)?;
+        Ok(Self { line, shown, rehearsal: Rehearsal::new(registry, &line.scenario)? })
+    }
+
+    /// Drives with the picture in a file, or with that of the record, and says how the mean error to a side changes with each of its values: not at
+    /// all if the vehicle left its lane there.
+    fn drive_and_differentiate(
+        &mut self,
+        picture: Option<&Path>,
+        side: f64,
+        count: usize,
+    ) -> Result<(Driven, Vec<f64>)> {
+        let Self { line, shown, rehearsal } = self;
+        let recorded = &line.scenario.perturbations;
+        let perturbations = match picture {
+            Some(path) => with(recorded, shown.place, &shown.parameter, path),
+            None => recorded.clone(),
+        };
+        let nothing = &mut || {};
+        let mut work = || -> Result<(Driven, Vec<f64>)> {
+            let mut chain = rehearsal.chain(&perturbations)?;
+            let driven = rehearsal.drive(&mut chain, nothing)?;
+            if picture.is_none() {
+                Rehearsal::check_same(&driven, &line.outcome.digest)?;
+            }
+            let slopes = match left_to(&driven, side) {
+                true => vec![0.0; count],
+                false => slopes(rehearsal, &perturbations, &driven, side, count, nothing)?,
+            };
+            Ok((driven, slopes))
+        };
+        work().map_err(|error| of_scenario(line, error))
+    }
+}
+
+impl ShownPicture {
     /// The picture that a scenario shows.
     fn of(catalog: &Catalog, scenario: &Scenario) -> Result<Self> {
         let none = || {
@@ -149,8 +303,9 @@ impl Shown {
             }
         }
         let Some((place, applied, parameter)) = of_frames.pop() else { return Err(none()) };
+        let is_earlier = of_frames.iter().any(|(.., parameter)| parameter.is_some());
         let Some(parameter) = parameter else {
-            return Err(match of_frames.iter().any(|(.., parameter)| parameter.is_some()) {
+            return Err(match is_earlier {
                 true => Error::new(format!(
                     "`{}` changes the frame after the picture is shown, and how the picture passes through that is not known; put it before the picture, or \
                      leave it out",
@@ -159,24 +314,32 @@ impl Shown {
                 false => none(),
             });
         };
-        let path = applied.parameters.get(&parameter.name).and_then(|value| value.as_str());
-        match path.map(PathBuf::from).filter(|path| path.is_file()) {
+        if is_earlier {
+            return Err(Error::new(
+                "it shows two pictures, and one is trained at a time; drive with one of them",
+            ));
+        }
+        let named = applied.parameters.get(&parameter.name).and_then(|value| value.as_str());
+        match named.and_then(|name| Path::new(name).canonicalize().ok()).filter(|path| path.is_file()) {
             Some(path) => Ok(Self { place, parameter: parameter.name.clone(), path }),
             None => Err(Error::new(format!(
                 "the picture `{}` is not a file; drive with one in a file, such as `pdk attack patch` writes",
-                path.unwrap_or_default()
+                named.unwrap_or_default()
             ))),
         }
     }
+}
 
-    /// The scenario with the picture in another file.
-    fn with(&self, scenario: &Scenario, file: &Path) -> Scenario {
-        let mut scenario = scenario.clone();
-        scenario.files.clear();
-        let parameters = &mut scenario.perturbations[self.place].parameters;
-        parameters.insert(self.parameter.clone(), json!(file));
-        scenario
-    }
+/// The perturbations with the picture of one of them in another file.
+fn with(
+    perturbations: &[AppliedPerturbation],
+    place: usize,
+    parameter: &str,
+    file: &Path,
+) -> Vec<AppliedPerturbation> {
+    let mut perturbations = perturbations.to_vec();
+    perturbations[place].parameters.insert(parameter.to_owned(), json!(file));
+    perturbations
 }
 
 /// Prints what became of the drives.
@@ -185,39 +348,47 @@ fn show(
     arguments: &Arguments,
     lines: &[&Line],
     after: &[Outcome],
-    steps: u32,
+    [before, best]: [&Came; 2],
 ) -> Result<()> {
-    let failed = |outcome: &Outcome| outcome.cause == Cause::LaneDeparture;
-    let before: Vec<&Outcome> = lines.iter().map(|line| &line.outcome).collect();
+    let Arguments { output, goal, .. } = arguments;
+    let count = lines.len();
+    let drives = lines.iter().zip(after).zip(before.drives.iter().zip(&best.drives));
     if global.json {
-        let drives = lines
-            .iter()
-            .zip(after)
-            .map(|(line, after)| json!({ "scenario": line.id, "before": line.outcome, "after": after }));
+        let drives = drives.map(|((line, after), ((_, error, left), (_, error_after, left_after)))| {
+            let one = |outcome, error, left| json!({ "outcome": outcome, "mean_error_to_goal": error, "left_to_goal": left });
+            json!({
+                "scenario": line.id,
+                "name": line.name,
+                "before": one(&line.outcome, error, left),
+                "after": one(after, error_after, left_after),
+            })
+        });
         return print_json(&json!({
-            "file": arguments.output,
-            "steps": steps,
+            "file": output,
+            "goal": goal.text(),
+            "steps": best.steps,
             "drives": drives.collect::<Vec<_>>(),
         }));
     }
-    let mut rows = table(["scenario", "before", "", "with the new picture", ""]);
-    for (line, after) in lines.iter().zip(after) {
-        let error = |outcome: &Outcome| format!("{:.2} m", outcome.max_cross_track_error);
+    let error = format!("mean error to the {}", goal.text());
+    let mut rows = table(["scenario", "before", &error, "with the new picture", &error]);
+    for ((line, after), ((_, error, _), (_, error_after, _))) in drives {
         rows.add_row([
             line.name.clone(),
             line.outcome.cause.text().to_owned(),
-            error(&line.outcome),
+            format!("{error:+.2} m"),
             after.cause.text().to_owned(),
-            error(after),
+            format!("{error_after:+.2} m"),
         ]);
     }
     println!(
-        "{rows}\nThe vehicle left its lane in {} of {} drives before, and in {} after {steps} {}. Wrote {}",
-        before.iter().filter(|outcome| failed(outcome)).count(),
-        before.len(),
-        after.iter().filter(|outcome| failed(outcome)).count(),
-        if steps == 1 { "step" } else { "steps" },
-        arguments.output.display()
+        "{rows}\nThe vehicle left its lane on the {} in {} of {count} drives before, and in {} with the picture after {} {}. Wrote {}",
+        goal.text(),
+        before.left(),
+        best.left(),
+        best.steps,
+        if best.steps == 1 { "change" } else { "changes" },
+        output.display()
     );
     Ok(())
 }

@@ -5,13 +5,12 @@ use pdk_chain::moment::Moment;
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::{DriveContext, Driver, FrameBuf, Random};
 use pdk_sdk::seed;
+use pdk_sensitivity::momentum::Momentum;
 use pdk_supervise::calls::{self, Function};
 
 use super::Shown;
 use super::artwork::Artwork;
 
-/// The share of the direction that is kept from step to step.
-const MOMENTUM: f32 = 0.9;
 /// The first step, as a share of the range of the values to one side; later ones are shorter, down to none.
 const STEP: f32 = 0.2;
 /// A steering that is moved by more than this counts as moved.
@@ -59,7 +58,7 @@ impl Training {
     ) -> Result<Vec<f32>> {
         let key = seed::key(self.seed, "attack", 0);
         let mut values = self.artwork.start(&mut key.sequence());
-        let mut direction = vec![0.0f32; values.len()];
+        let mut momentum = Momentum::new(values.len());
         let (middle, spread) = self.artwork.range();
         for step in 0..steps {
             let mut random = key.frame(step.into());
@@ -69,16 +68,9 @@ impl Training {
                 let shown = &frames[random.below(frames.len() as u32) as usize];
                 mean += self.gradient(shown, &values, &mut random, &mut sums)? / f64::from(batch);
             }
-            // By Dong et al., Boosting Adversarial Attacks with Momentum, 2018.
-            let size: f64 =
-                sums.iter().map(|value| f64::from(value.abs())).sum::<f64>().max(f64::MIN_POSITIVE);
-            let scale = (sums.len() as f64 / size) as f32;
+            sums.iter_mut().for_each(|slope| *slope *= self.side as f32);
             let length = STEP * spread * (1.0 - step as f32 / steps as f32);
-            for ((value, direction), slope) in values.iter_mut().zip(&mut direction).zip(&sums) {
-                *direction = *direction * MOMENTUM + slope * scale * self.side as f32;
-                let by = if *direction == 0.0 { 0.0 } else { length.copysign(*direction) };
-                *value = (*value + by).clamp(middle - spread, middle + spread);
-            }
+            momentum.step(&mut values, &sums, length, [middle - spread, middle + spread]);
             tick(mean);
         }
         Ok(values)
