@@ -36,8 +36,9 @@ const NOT_RUN: [(&str, &str); 14] = [
 const OF_A_PLUGIN: [&str; 4] = ["pdk check target", "pdk plugin add", "pdk plugin list", "pdk plugin remove"];
 
 /// Beginnings of commands that drive, or work on the record of the quickstart. They are run in this order, in one folder.
-const LONG: [&str; 13] = [
+const LONG: [&str; 14] = [
     "pdk run scripts/",
+    "pdk attack drives",
     "pdk run manual",
     "pdk run greedy --set perturbations=fog_filter --set roads=4 --set driver=onnx",
     "pdk gate dave2 dave2_augmented",

@@ -98,10 +98,11 @@ fn what_becomes_of_the_steering_on_its_way_to_the_vehicle_counts() {
     let trained: Value = trained.args(plugins).succeed().json();
     let only = &drives(&trained)[0];
     assert!(error(only, "after") > error(only, "before") + 0.01, "{only}");
-    for scenario in ["1", "2"] {
-        attack(&record, folder.path(), &["--scenario", scenario, "-o", "b.png"])
+    for scenarios in [&["--scenario", "1"][..], &["--scenario", "2"], &["--scenario", "0", "--scenario", "1"]]
+    {
+        attack(&record, folder.path(), &[scenarios, &["-o", "b.png"]].concat())
             .args(plugins)
-            .fail(1, &["the picture has no influence on these drives"]);
+            .fail(1, &["the picture has no influence on this drive"]);
         assert!(!folder.path().join("b.png").exists());
     }
 }
@@ -155,6 +156,6 @@ fn drives_whose_picture_cannot_be_trained_are_refused_and_nothing_is_written() {
     kept("start.png", &["start.png is a file that the record was made with", "-o"]);
     kept("other.png", &["other.png is a file that the record was made with"]);
     kept("mask.png", &["mask.png is a file that the record was made with"]);
-    kept("out.jpg", &["out.jpg has to be a PNG file", ".png"]);
-    kept("out", &["out has to be a PNG file"]);
+    kept("out.jpg", &["out.jpg is not a PNG file", ".png"]);
+    kept("out", &["out is not a PNG file"]);
 }

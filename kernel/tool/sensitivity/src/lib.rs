@@ -1,4 +1,5 @@
-//! The derivative of a drive: how its largest cross-track error changes with the level of each perturbation at each frame.
+//! The derivative of a drive: how its largest cross-track error changes with the level of each perturbation at each frame, and its mean error with a
+//! picture that it shows.
 //!
 //! Drives repeat bit for bit, so a drive can be put back to any of its frames and gone through backwards. At each frame four things are known
 //! or found by differences: how the next state follows from this one and from the control, how the control follows from the state through camera,

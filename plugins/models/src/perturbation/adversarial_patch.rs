@@ -55,7 +55,7 @@ impl Component for AdversarialPatch {
         .source("Brown et al., Adversarial Patch, 2017; Sato et al., Dirty Road Can Attack, 2021")
         .parameter(
             artwork::parameter(
-                "the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk",
+                "the picture, as `pdk attack patch` and `pdk attack drives` write one, or any other; or `dave2_patch`, which is part of pdk",
             )
             .role(Role::Picture),
         )

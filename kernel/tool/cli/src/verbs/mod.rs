@@ -139,7 +139,7 @@ enum Verb {
     Calibrate(calibrate::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
     Saliency(saliency::Arguments),
-    /// Train a picture that makes a driver steer elsewhere: a patch on the road or a change of every frame, by frames or by drives
+    /// Train a picture that makes a driver steer elsewhere: a patch on the road or a change of every frame, on recorded frames or recorded drives
     Attack(attack::Arguments),
     /// Write the exact gradient of a network as a network
     Gradient(gradient::Arguments),

@@ -57,8 +57,8 @@ pub struct Arguments {
     trust: bool,
 }
 
-const AFTER: &str = "The drives have to show the same picture by their last perturbation, such as a patch on the road. It is where the training begins. A step takes as long as about \
-fifteen of the drives, which are driven on all cores. Each picture that moves the vehicle further than those before is written. At the end a worker drives with the best one.";
+const AFTER: &str = "The last perturbation of frames in each drive has to show the same picture, such as a patch on the road. The training begins with that picture. A step takes about \
+fifteen times as long as driving all of the drives. Each picture that moves the vehicle further than those before is written. At the end a worker drives with the best one.";
 
 /// A drive that shows the picture.
 struct Drive<'a> {
@@ -185,14 +185,15 @@ fn train(
         if all_left || step == *steps {
             break;
         }
+        if step == 0 {
+            check_influence(&drives, &driven, &slopes, side)?;
+        }
         let mut sums = vec![0.0f32; values.len()];
         for slopes in &slopes {
             sums.iter_mut().zip(slopes).for_each(|(sum, slope)| *sum += *slope as f32);
         }
         if sums.iter().all(|slope| *slope == 0.0) {
-            return Err(Error::new(
-                "the picture has no influence on these drives; name drives that show it, and in which nothing keeps the steering from the vehicle",
-            ));
+            break;
         }
         momentum.step(&mut values, &sums, STEP * (1.0 - step as f32 / *steps as f32), [0.0, 255.0]);
     }
@@ -209,12 +210,29 @@ fn train(
     }
 }
 
+/// Checks that the picture has an influence on each drive in which the vehicle has not left its lane.
+fn check_influence(
+    drives: &[Mutex<Drive<'_>>],
+    driven: &[Driven],
+    slopes: &[Vec<f64>],
+    side: f64,
+) -> Result<()> {
+    for ((drive, driven), slopes) in drives.iter().zip(driven).zip(slopes) {
+        if !left_to(driven, side) && slopes.iter().all(|slope| *slope == 0.0) {
+            let line = drive.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).line;
+            let sentence = "the picture has no influence on this drive; name drives that show it, and in which no perturbation holds the steering";
+            return Err(of_scenario(line, Error::new(sentence)));
+        }
+    }
+    Ok(())
+}
+
 /// Checks that the picture may be written there before any drive.
 fn check_output(replay: &Replay, output: &Path) -> Result<()> {
     let shown = output.display();
     if output.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("png")) {
         return Err(Error::new(format!(
-            "the picture {shown} has to be a PNG file, since it is shown as it is written; give a name that ends in .png"
+            "the picture {shown} is not a PNG file; give a name that ends in .png"
         )));
     }
     if output.is_dir() {
