@@ -47,7 +47,8 @@ def adversarial_patch(
     """Lays a picture on the road ahead or over a part of the frame, such as one that was trained so that a network
     steers elsewhere.
 
-    picture: the picture, as `pdk attack patch` writes one, or any other; or `dave2_patch`, which is part of pdk.
+    picture: the picture, as `pdk attack patch` and `pdk attack drives` write one, or any other; or `dave2_patch`,
+        which is part of pdk.
     show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
     on: where it lies: on the road, or over a box of the frame (default "road").
     pose: flat: it lies on the road; upright: it faces the camera, like a sign or the back of a vehicle; only with
