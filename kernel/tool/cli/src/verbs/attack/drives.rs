@@ -166,9 +166,11 @@ fn train(
         if let Some(path) = shown {
             pdk_image::write(path, current.as_ref())?;
         }
+        // No step follows the last drives, so their derivative is not needed.
+        let of_values = if step < *steps { values.len() } else { 0 };
         let results = pdk_parallel::map(&drives, |drive| {
             let mut drive = drive.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            drive.drive_and_differentiate(shown, side, values.len())
+            drive.drive_and_differentiate(shown, side, of_values)
         });
         let (driven, slopes): (Vec<Driven>, Vec<Vec<f64>>) =
             results.into_iter().collect::<Result<Vec<_>>>()?.into_iter().unzip();
@@ -274,8 +276,8 @@ impl<'a> Drive<'a> {
         Ok(Self { line, shown, rehearsal: Rehearsal::new(registry, &line.scenario)? })
     }
 
-    /// Drives with the picture in a file, or with that of the record, and says how the mean error to a side changes with each of its values: not at
-    /// all if the vehicle left its lane there.
+    /// Drives with the picture in a file, or with that of the record, and says how the mean error to a side changes with each of its `count` values: not
+    /// at all if the vehicle left its lane there. With a count of 0 it drives alone.
     fn drive_and_differentiate(
         &mut self,
         picture: Option<&Path>,
@@ -295,7 +297,7 @@ impl<'a> Drive<'a> {
             if picture.is_none() {
                 Rehearsal::check_same(&driven, &line.outcome.digest)?;
             }
-            let slopes = match left_to(&driven, side) {
+            let slopes = match count == 0 || left_to(&driven, side) {
                 true => vec![0.0; count],
                 false => slopes(rehearsal, &perturbations, &driven, side, count, nothing)?,
             };
