@@ -59,8 +59,7 @@ impl Perturbation for Flicker {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (height, gain) = (src.height() as f64, gain(cx));
         for (y, (row, from)) in dst.rows_mut().zip(src.rows()).enumerate() {
-            let gain = gain(y as f64 / height) as f32;
-            self.light.change(from, row, |_, lights| lights.iter_mut().for_each(|light| *light *= gain));
+            self.light.scale(from, row, gain(y as f64 / height) as f32);
         }
         Ok(())
     }

@@ -89,16 +89,23 @@ fn shift(before: &[i32], now: &[i32]) -> f64 {
 fn moved(from: &[u8], to: &mut [u8], pixels: f64) {
     let width = from.len() / 3;
     let whole = pixels.floor();
-    let right = ((pixels - whole) * SUBPIXELS).round() as u32;
-    let left = SUBPIXELS as u32 - right;
-    let pixel = |x: isize| &from[3 * x.clamp(0, width as isize - 1) as usize..][..3];
-    for (x, to) in to.chunks_exact_mut(3).enumerate() {
-        let place = x as isize - whole as isize;
-        let (here, before) = (pixel(place), pixel(place - 1));
-        for channel in 0..3 {
-            let sum = left * u32::from(here[channel]) + right * u32::from(before[channel]);
-            to[channel] = ((sum + 128) >> 8) as u8;
-        }
+    let right = ((pixels - whole) * SUBPIXELS).round() as u16;
+    let left = SUBPIXELS as u16 - right;
+    // Pixels of the result from here on lie between two of the row, up to there; those outside show the edge.
+    let first = (whole + 1.0).clamp(0.0, width as f64) as usize;
+    let end = (whole + width as f64).clamp(first as f64, width as f64) as usize;
+    let start = (first as f64 - whole) as usize;
+    let (before, rest) = to.split_at_mut(3 * first);
+    let (between, after) = rest.split_at_mut(3 * (end - first));
+    before.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&from[..3]));
+    after.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&from[3 * (width - 1)..]));
+    if between.is_empty() {
+        return;
+    }
+    let (here, earlier) = (&from[3 * start..], &from[3 * (start - 1)..]);
+    for ((to, &here), &earlier) in between.iter_mut().zip(here).zip(earlier) {
+        let sum = left * u16::from(here) + right * u16::from(earlier) + 128;
+        *to = (sum >> 8) as u8;
     }
 }
 
@@ -187,6 +194,24 @@ mod tests {
             perturbed::<RollingShutter>(&json!({}), 4.0, (5, 0.25), &[even(9, 30, 20)]),
             even(9, 30, 20)
         );
+    }
+
+    #[test]
+    fn a_row_is_moved_like_its_pixels() {
+        let from: Vec<u8> = (0..60u8).map(|value| value.wrapping_mul(37)).collect();
+        for step in -130..=130 {
+            let pixels = f64::from(step) * 0.3;
+            let mut to = [0; 60];
+            moved(&from, &mut to, pixels);
+            let whole = pixels.floor();
+            let right = ((pixels - whole) * SUBPIXELS).round() as u32;
+            for (at, &found) in to.iter().enumerate() {
+                let place = (at / 3) as isize - whole as isize;
+                let value = |x: isize| u32::from(from[3 * x.clamp(0, 19) as usize + at % 3]);
+                let sum = (256 - right) * value(place) + right * value(place - 1) + 128;
+                assert_eq!(u32::from(found), sum >> 8, "{pixels} {at}");
+            }
+        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! More brightness.
 
+use pdk_sdk::ops::float_hsv::{Change, change_hsv};
 use pdk_sdk::prelude::*;
 
-use crate::hsv::each_color;
 use crate::suite::corruption;
 
 /// Adds to the brightness.
@@ -25,8 +25,7 @@ impl Component for Brightness {
 
 impl Perturbation for Brightness {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let added = cx.number("added");
-        each_color(src, dst, |[hue, saturation, value]| [hue, saturation, (value + added).clamp(0.0, 1.0)]);
+        change_hsv(src, dst, Change { value_added: cx.number("added"), ..Change::NONE });
         Ok(())
     }
 }

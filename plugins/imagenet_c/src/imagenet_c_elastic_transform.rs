@@ -2,6 +2,7 @@
 
 use pdk_sdk::ops::displacement::Displacement;
 use pdk_sdk::ops::float::{Edge, Image, Workspace, gaussian, separable};
+use pdk_sdk::ops::point::truncated;
 use pdk_sdk::prelude::*;
 
 use crate::suite::{MadeFor, corruption};
@@ -58,7 +59,7 @@ impl Perturbation for ElasticTransform {
                         a + (b - a) * share_x
                     };
                     let (above, below) = (between(rows[0]), between(rows[1]));
-                    *to = (above + (below - above) * share_y).clamp(0.0, 255.0) as u8;
+                    *to = truncated(above + (below - above) * share_y);
                 }
             }
         }

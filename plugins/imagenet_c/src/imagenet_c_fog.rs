@@ -1,5 +1,6 @@
 //! Fog: a fractal field over the frame.
 
+use pdk_sdk::ops::point::truncated;
 use pdk_sdk::prelude::*;
 
 use crate::suite::{MadeFor, corruption};
@@ -10,6 +11,8 @@ pub struct Fog {
     made_for: MadeFor,
     /// From 0 to 1, for each pixel.
     field: Vec<f32>,
+    /// What is added to each value of a row.
+    row: Vec<f32>,
 }
 
 impl Component for Fog {
@@ -39,15 +42,17 @@ impl Perturbation for Fog {
             self.field.clear();
             plane.chunks_exact(side).take(height).for_each(|row| self.field.extend_from_slice(&row[..width]));
         }
+        self.row.resize(3 * width, 0.0);
         let thickness = cx.number("thickness");
         let most = f64::from(src.rows().flatten().copied().max().unwrap_or(0)) / 255.0;
         let share = if most + thickness > 0.0 { (most / (most + thickness)) as f32 } else { 0.0 };
         let added = (255.0 * thickness) as f32;
         for ((from, to), field) in src.rows().zip(dst.rows_mut()).zip(self.field.chunks_exact(width)) {
-            for ((from, to), field) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)).zip(field) {
-                for (&from, to) in from.iter().zip(to) {
-                    *to = ((f32::from(from) + added * field) * share).clamp(0.0, 255.0) as u8;
-                }
+            for (spread, field) in self.row.chunks_exact_mut(3).zip(field) {
+                spread.fill(added * field);
+            }
+            for ((&from, to), field) in from.iter().zip(to).zip(&self.row) {
+                *to = truncated((f32::from(from) + field) * share);
             }
         }
         Ok(())

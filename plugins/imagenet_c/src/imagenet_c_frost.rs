@@ -4,6 +4,7 @@
 //! one of them, which is drawn as well.
 
 use pdk_sdk::ops::ice;
+use pdk_sdk::ops::point::truncated;
 use pdk_sdk::prelude::*;
 
 use crate::suite::{MadeFor, corruption};
@@ -76,7 +77,7 @@ impl Perturbation for Frost {
         let (frame, ice) = (cx.number("weight") as f32, cx.number("ice") as f32);
         for ((from, to), cold) in src.rows().zip(dst.rows_mut()).zip(self.ice.as_ref().rows()) {
             for ((&from, to), &cold) in from.iter().zip(to).zip(cold) {
-                *to = (frame * f32::from(from) + ice * f32::from(cold)).clamp(0.0, 255.0) as u8;
+                *to = truncated(frame * f32::from(from) + ice * f32::from(cold));
             }
         }
         Ok(())

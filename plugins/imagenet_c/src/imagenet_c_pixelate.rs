@@ -1,15 +1,25 @@
 //! Blocks of pixels.
 
+use std::ops::Range;
+
 use pdk_sdk::prelude::*;
 
-use crate::suite::corruption;
+use crate::suite::{MadeFor, corruption};
 
 /// Shrinks, and enlarges to blocks.
 #[derive(Default)]
 pub struct Pixelate {
+    made_for: MadeFor,
+    /// For each column and each row of blocks the pixels whose centres it covers.
+    spans: [Vec<Range<usize>>; 2],
+    means: Vec<Vec<u8>>,
+    /// For each column and each row of the result its block.
+    nearest: [Vec<usize>; 2],
     narrow: FrameBuf,
-    small: FrameBuf,
+    small: Vec<u8>,
     sums: Vec<u32>,
+    /// A row of the result.
+    wide: Vec<u8>,
 }
 
 impl Component for Pixelate {
@@ -32,47 +42,61 @@ impl Component for Pixelate {
 }
 
 impl Perturbation for Pixelate {
-    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let shrunk = |length: usize| ((length as f64 * cx.number("factor")) as usize).max(1);
-        let (width, height) = (shrunk(src.width()), shrunk(src.height()));
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let sizes = [src.width(), src.height()];
+        let factor = cx.number("factor");
+        if self.made_for.is_new(sizes, None, &[factor]) {
+            self.prepare(sizes, factor);
+        }
+        let Self {
+            spans: [columns, rows], means, nearest: [across, down], narrow, small, sums, wide, ..
+        } = self;
         // Rows first, rounded in between, as Pillow does.
-        let columns = spans(src.width(), width);
-        let means = means(
-            columns.iter().chain(&spans(src.height(), height)).map(|span| span.len()).max().unwrap_or(1),
-        );
-        self.narrow.resize(width, src.height());
-        let mut narrow = self.narrow.as_mut();
-        for (from, to) in src.rows().zip(narrow.rows_mut()) {
-            for (span, to) in columns.iter().zip(to.chunks_exact_mut(3)) {
-                let mut sum = [0; 3];
-                for pixel in from[span.start * 3..span.end * 3].chunks_exact(3) {
-                    sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += usize::from(value));
+        for (from, to) in src.rows().zip(narrow.as_mut().rows_mut()) {
+            for (span, to) in columns.iter().zip(to.as_chunks_mut::<3>().0) {
+                let sum = from[span.start * 3..span.end * 3]
+                    .as_chunks::<3>()
+                    .0
+                    .iter()
+                    .fold([0; 3], |sum, pixel| {
+                        [0, 1, 2].map(|channel| sum[channel] + u32::from(pixel[channel]))
+                    });
+                *to = sum.map(|sum| means[span.len()][sum as usize]);
+            }
+        }
+        let mut shown = None;
+        for (&block, to) in down.iter().zip(dst.rows_mut()) {
+            // Rows of a block are all the same.
+            if shown != Some(block) {
+                let span = rows[block].clone();
+                let means = &means[span.len()];
+                sums.fill(0);
+                for y in span {
+                    let row = narrow.as_ref().row(y);
+                    sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u32::from(value));
                 }
-                to.iter_mut().zip(sum).for_each(|(to, sum)| *to = means[span.len()][sum]);
+                small.iter_mut().zip(&*sums).for_each(|(to, &sum)| *to = means[sum as usize]);
+                for (&x, to) in across.iter().zip(wide.as_chunks_mut::<3>().0) {
+                    *to = [small[3 * x], small[3 * x + 1], small[3 * x + 2]];
+                }
+                shown = Some(block);
             }
-        }
-        self.small.resize(width, height);
-        let mut small = self.small.as_mut();
-        self.sums.resize(width * 3, 0);
-        for (span, to) in spans(src.height(), height).into_iter().zip(small.rows_mut()) {
-            let means = &means[span.len()];
-            self.sums.fill(0);
-            for y in span {
-                let row = self.narrow.as_ref().row(y);
-                self.sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u32::from(value));
-            }
-            to.iter_mut().zip(&self.sums).for_each(|(to, &sum)| *to = means[sum as usize]);
-        }
-        let mut dst = dst;
-        let [across, down] =
-            [(width, src.width()), (height, src.height())].map(|(from, to)| nearest(from, to));
-        for (y, to) in down.into_iter().zip(dst.rows_mut()) {
-            let row = self.small.as_ref().row(y);
-            for (x, to) in across.iter().zip(to.chunks_exact_mut(3)) {
-                to.copy_from_slice(&row[x * 3..x * 3 + 3]);
-            }
+            to.copy_from_slice(wide);
         }
         Ok(())
+    }
+}
+
+impl Pixelate {
+    fn prepare(&mut self, sizes: [usize; 2], factor: f64) {
+        let blocks = sizes.map(|length| ((length as f64 * factor) as usize).max(1));
+        self.spans = [0, 1].map(|axis| spans(sizes[axis], blocks[axis]));
+        self.nearest = [0, 1].map(|axis| nearest(blocks[axis], sizes[axis]));
+        self.means = means(self.spans.iter().flatten().map(|span| span.len()).max().unwrap_or(1));
+        self.narrow.resize(blocks[0], sizes[1]);
+        self.small.resize(3 * blocks[0], 0);
+        self.sums.resize(3 * blocks[0], 0);
+        self.wide.resize(3 * sizes[0], 0);
     }
 }
 
@@ -89,7 +113,7 @@ fn nearest(from: usize, to: usize) -> Vec<usize> {
 }
 
 /// For each of `to` blocks the pixels whose centres it covers.
-fn spans(from: usize, to: usize) -> Vec<std::ops::Range<usize>> {
+fn spans(from: usize, to: usize) -> Vec<Range<usize>> {
     let scale = from as f64 / to as f64;
     let span = |block: usize| {
         let middle = (block as f64 + 0.5) * scale;

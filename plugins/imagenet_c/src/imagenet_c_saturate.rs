@@ -1,8 +1,8 @@
 //! More or less saturation.
 
+use pdk_sdk::ops::float_hsv::{Change, change_hsv};
 use pdk_sdk::prelude::*;
 
-use crate::hsv::each_color;
 use crate::suite::corruption;
 
 /// Multiplies the saturation and adds to it.
@@ -31,10 +31,12 @@ impl Component for Saturate {
 
 impl Perturbation for Saturate {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let (factor, added) = (cx.number("factor"), cx.number("added"));
-        each_color(src, dst, |[hue, saturation, value]| {
-            [hue, (saturation * factor + added).clamp(0.0, 1.0), value]
-        });
+        let change = Change {
+            saturation_factor: cx.number("factor"),
+            saturation_added: cx.number("added"),
+            ..Change::NONE
+        };
+        change_hsv(src, dst, change);
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! Snow: flakes blown across a frame that is a little whiter.
 
 use pdk_sdk::ops::float::{Image, Workspace, moved};
+use pdk_sdk::ops::point::truncated;
 use pdk_sdk::ops::zoom::Grid;
 use pdk_sdk::prelude::*;
 
@@ -87,7 +88,7 @@ impl Perturbation for Snow {
                 let white = (0.299 * r + 0.587 * g + 0.114 * b) * 1.5 + 127.5;
                 for (to, value) in to.iter_mut().zip([r, g, b]) {
                     let whitened = weight * value + (1.0 - weight) * value.max(white);
-                    *to = (whitened + snow).clamp(0.0, 255.0) as u8;
+                    *to = truncated(whitened + snow);
                 }
             }
         }

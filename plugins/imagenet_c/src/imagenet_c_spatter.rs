@@ -2,6 +2,7 @@
 
 use pdk_sdk::ops::border::reflect;
 use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
+use pdk_sdk::ops::point::truncated;
 use pdk_sdk::prelude::*;
 
 use crate::chamfer::{bordered, distances, edges};
@@ -23,6 +24,9 @@ pub struct Spatter {
     liquid: Image,
     /// How much of the liquid's colour each pixel gets.
     cover: Vec<f32>,
+    /// For each value of a row, the share of it that is left, and what is added.
+    left: Vec<f32>,
+    added: Vec<f32>,
     workspace: Workspace,
 }
 
@@ -60,12 +64,17 @@ impl Perturbation for Spatter {
             if mud { self.cover_with_mud(cx) } else { self.cover_with_water(cx) }
         }
         let colour = if mud { MUD } else { WATER };
+        let Self { left, added, .. } = self;
+        left.resize(3 * src.width(), 1.0);
+        added.resize(3 * src.width(), 0.0);
         for ((from, to), cover) in src.rows().zip(dst.rows_mut()).zip(self.cover.chunks_exact(src.width())) {
-            for ((from, to), &cover) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)).zip(cover) {
-                let left = if mud { 1.0 - cover } else { 1.0 };
-                for ((&from, to), colour) in from.iter().zip(to).zip(colour) {
-                    *to = (left * f32::from(from) + cover * colour).clamp(0.0, 255.0) as u8;
-                }
+            let pixels = left.as_chunks_mut::<3>().0.iter_mut().zip(added.as_chunks_mut::<3>().0);
+            for ((left, added), &cover) in pixels.zip(cover) {
+                *left = [if mud { 1.0 - cover } else { 1.0 }; 3];
+                *added = colour.map(|colour| cover * colour);
+            }
+            for ((&from, to), (left, added)) in from.iter().zip(to).zip(left.iter().zip(&*added)) {
+                *to = truncated(left * f32::from(from) + added);
             }
         }
         Ok(())

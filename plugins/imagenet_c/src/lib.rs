@@ -19,7 +19,6 @@
 mod chamfer;
 mod enlarge;
 mod gaussian;
-mod hsv;
 mod imagenet_c_brightness;
 mod imagenet_c_contrast;
 mod imagenet_c_defocus_blur;

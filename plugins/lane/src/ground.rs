@@ -163,7 +163,7 @@ impl Ground<'_> {
 
 vectorised! {
     /// Paints the line in the middle of a drawn road.
-    fn paint_middle / paint_middle_avx2(section: &Section, places: &RoadPlaces, colours: &mut [Vec<f32>; 3]) {
+    fn paint_middle / paint_middle_avx2 / paint_middle_avx512(section: &Section, places: &RoadPlaces, colours: &mut [Vec<f32>; 3]) {
         let RoadPlaces { offset, along, wide, deep, .. } = places;
         let blocks = offset.as_chunks::<BLOCK>().0.iter().zip(wide.as_chunks::<BLOCK>().0);
         for (block, _) in blocks.enumerate().filter(|(_, (offset, wide))| section::is_at_middle(offset, wide)) {
@@ -184,7 +184,7 @@ vectorised! {
 
 vectorised! {
     /// Writes the light of the headlights along a row.
-    fn light_up / light_up_avx2(
+    fn light_up / light_up_avx2 / light_up_avx512(
         beam: (f32, f32), left: f32, pixel_width: f32, numbers: &[f32], into: &mut [f32],
     ) {
         let (strength, half_width) = beam;
@@ -198,7 +198,7 @@ vectorised! {
 
 vectorised! {
     /// Says how much of each place is meadow, from how far to the right of the middle of the road it lies.
-    fn overgrow / overgrow_avx2(offset: &[f32], meadow: &mut [f32]) {
+    fn overgrow / overgrow_avx2 / overgrow_avx512(offset: &[f32], meadow: &mut [f32]) {
         for (meadow, offset) in meadow.iter_mut().zip(offset) {
             *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
         }
@@ -207,7 +207,7 @@ vectorised! {
 
 vectorised! {
     /// Turns how rough a surface is into what its texture makes of its brightness, and meadow into patches.
-    fn roughen / roughen_avx2(rough: &mut [f32], grain: &[f32], meadow: &mut [f32], patches: &[f32]) {
+    fn roughen / roughen_avx2 / roughen_avx512(rough: &mut [f32], grain: &[f32], meadow: &mut [f32], patches: &[f32]) {
         for (((rough, grain), meadow), patch) in rough.iter_mut().zip(grain).zip(meadow).zip(patches) {
             *rough = 1.0 + *rough * grain * 1.6;
             *meadow *= patch;
@@ -217,7 +217,7 @@ vectorised! {
 
 vectorised! {
     /// One channel of a drawn row under light and air.
-    fn finish / finish_avx2(
+    fn finish / finish_avx2 / finish_avx512(
         colours: &[f32], rough: &[f32], meadow: &[f32], beam: &[f32], patch: f32, ambient: f32, air: (f32, f32),
         bytes: &mut [u8],
     ) {

@@ -126,7 +126,7 @@ pub fn locate(field: &Field, line: &Line, asked: &mut Asked, places: &mut RoadPl
 
 vectorised! {
     /// Writes the middle of every `step`th pixel.
-    fn step_along / step_along_avx2(line: &Line, step: usize, x: &mut [f32], z: &mut [f32]) {
+    fn step_along / step_along_avx2 / step_along_avx512(line: &Line, step: usize, x: &mut [f32], z: &mut [f32]) {
         for (i, (x, z)) in x.iter_mut().zip(z).enumerate() {
             [*x, *z] = line.at(i * step);
         }
@@ -135,7 +135,7 @@ vectorised! {
 
 vectorised! {
     /// Writes the places of all blocks from their ends.
-    fn lay_sparsely / lay_sparsely_avx2(field: &Field, line: &Line, asked: &Asked, places: &mut RoadPlaces) {
+    fn lay_sparsely / lay_sparsely_avx2 / lay_sparsely_avx512(field: &Field, line: &Line, asked: &Asked, places: &mut RoadPlaces) {
         for block in 0..places.near.len() {
             let first = block * BLOCK;
             let (a, b) = (asked.place(block), asked.place(block + 1));
@@ -193,7 +193,7 @@ fn ask_for_each(field: &Field, line: &Line, first: usize, places: &mut RoadPlace
 
 vectorised! {
     /// Writes the places of a block, each of which was asked for: lateral, along, both parts of the gradient, shade.
-    fn lay_each / lay_each_avx2(line: &Line, found: [&[f32]; 5], first: usize, places: &mut RoadPlaces) {
+    fn lay_each / lay_each_avx2 / lay_each_avx512(line: &Line, found: [&[f32]; 5], first: usize, places: &mut RoadPlaces) {
         let [lateral, alongs, gx, gz, shades] = found.map(|values| &values[..BLOCK]);
         let of = first..first + BLOCK;
         let RoadPlaces { offset, along, wide, deep, shade, .. } = places;

@@ -118,7 +118,7 @@ fn interleave_avx2(channels: &[Vec<u8>; 3], row: &mut [u8]) {
 
 vectorised! {
     /// Rounds values to bytes.
-    pub fn to_bytes / to_bytes_avx2(values: &[f32], bytes: &mut [u8]) {
+    pub fn to_bytes / to_bytes_avx2 / to_bytes_avx512(values: &[f32], bytes: &mut [u8]) {
         for (byte_out, value) in bytes.iter_mut().zip(values) {
             *byte_out = byte(*value);
         }

@@ -125,7 +125,7 @@ fn toned(value: f32) -> f32 {
 }
 
 vectorised! {
-    fn amplify / amplify_avx2(gain: f32, lost: f32, across: &[f32], row: &mut [u8]) {
+    fn amplify / amplify_avx2 / amplify_avx512(gain: f32, lost: f32, across: &[f32], row: &mut [u8]) {
         for (value, across) in row.iter_mut().zip(across) {
             *value = byte(tone_where_needed(f32::from(*value) * (gain * (across - lost)), gain));
         }
@@ -139,7 +139,7 @@ fn tone_where_needed(value: f32, gain: f32) -> f32 {
 }
 
 vectorised! {
-    fn expose_row / expose_row_avx2(light: (f32, f32, f32), across: &[f32], noise: &[f32], row: &mut [u8]) {
+    fn expose_row / expose_row_avx2 / expose_row_avx512(light: (f32, f32, f32), across: &[f32], noise: &[f32], row: &mut [u8]) {
         let (gain, lost, variance) = light;
         let count = row.len();
         let (across, noise) = (&across[..count], &noise[..count]);

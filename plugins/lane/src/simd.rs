@@ -20,6 +20,14 @@ pub fn has_avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && !portable_only()
 }
 
+/// Whether the versions for AVX-512 are to be used.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub fn has_avx512() -> bool {
+    use std::arch::is_x86_feature_detected as has;
+    has!("avx512vbmi") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") && !portable_only()
+}
+
 /// Whether a test has asked for the portable versions on this thread.
 #[cfg(all(test, target_arch = "x86_64"))]
 fn portable_only() -> bool {

@@ -144,7 +144,7 @@ impl Sky {
 }
 
 vectorised! {
-    fn cover_by_clouds / cover_by_clouds_avx2(values: &mut [f32], density: &[f32], cloud: f32, most: (f32, f32)) {
+    fn cover_by_clouds / cover_by_clouds_avx2 / cover_by_clouds_avx512(values: &mut [f32], density: &[f32], cloud: f32, most: (f32, f32)) {
         let (cloudiness, clouds) = most;
         for (value, density) in values.iter_mut().zip(density) {
             let cover = ((density + cloudiness) * 1.6).clamp(0.0, 1.0) * clouds;
@@ -155,7 +155,7 @@ vectorised! {
 
 vectorised! {
     /// `sun` is its column and row, and the square of the extent of its glow.
-    fn add_glow / add_glow_avx2(values: &mut [f32], numbers: &[f32], colour: f32, sun: [f32; 3], y: f32) {
+    fn add_glow / add_glow_avx2 / add_glow_avx512(values: &mut [f32], numbers: &[f32], colour: f32, sun: [f32; 3], y: f32) {
         let [column, row, extent] = sun;
         let dy = y - row;
         for (value, number) in values.iter_mut().zip(numbers) {
@@ -166,7 +166,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn cover_by_hills / cover_by_hills_avx2(
+    fn cover_by_hills / cover_by_hills_avx2 / cover_by_hills_avx512(
         values: &mut [f32], tops: &[f32], air: (f32, f32), horizon: f32, y: f32,
     ) {
         let (hill, haze) = air;

@@ -150,7 +150,7 @@ fn damage_asphalt(
 
 vectorised! {
     /// Paints the lines, as far as they are there.
-    fn paint / paint_avx2(ground: &Weathered<'_>, room: &mut Room, blocks: std::ops::Range<usize>) {
+    fn paint / paint_avx2 / paint_avx512(ground: &Weathered<'_>, room: &mut Room, blocks: std::ops::Range<usize>) {
         let RoadPlaces { offset, along, wide, deep, .. } = &room.places;
         for block in blocks {
             let (offsets, wides) = (offset.as_chunks::<BLOCK>().0, wide.as_chunks::<BLOCK>().0);
@@ -186,7 +186,7 @@ fn asphalt(offset: f32, wide: f32) -> f32 {
 
 vectorised! {
     /// Changes the brightness of asphalt by its damage.
-    fn darken / darken_avx2(
+    fn darken / darken_avx2 / darken_avx512(
         strength: f32, damage: &[f32], offset: &[f32], wide: &[f32], colours: [&mut [f32]; 3],
     ) {
         let [red, green, blue] = colours;
@@ -204,7 +204,7 @@ vectorised! {
 
 vectorised! {
     /// How much of the sun is left below trees whose leaves let some of it through.
-    fn shadow / shadow_avx2(shade: &[f32], leaves: &[f32], sun: &mut [f32]) {
+    fn shadow / shadow_avx2 / shadow_avx512(shade: &[f32], leaves: &[f32], sun: &mut [f32]) {
         for ((sun, shade), leaves) in sun.iter_mut().zip(shade).zip(leaves) {
             *sun = 1.0 - (shade * (1.9 + 1.5 * leaves) - 0.4).clamp(0.0, 1.0);
         }
@@ -213,7 +213,7 @@ vectorised! {
 
 vectorised! {
     /// Darkens asphalt by a film of water, and says how much of the sky this throws back.
-    fn wet / wet_avx2(
+    fn wet / wet_avx2 / wet_avx512(
         wetness: f32, mirror: f32, offset: &[f32], wide: &[f32], patches: &[f32], colours: [&mut [f32]; 3],
         gloss: &mut [f32],
     ) {
@@ -236,7 +236,7 @@ vectorised! {
 
 vectorised! {
     /// Turns how rough a surface is into what its texture makes of its brightness.
-    fn roughen / roughen_avx2(rough: &mut [f32], grain: &[f32]) {
+    fn roughen / roughen_avx2 / roughen_avx512(rough: &mut [f32], grain: &[f32]) {
         for (rough, grain) in rough.iter_mut().zip(grain) {
             *rough = 1.0 + *rough * grain * 1.6;
         }
@@ -268,7 +268,7 @@ struct Channel {
 }
 
 vectorised! {
-    fn light_channel / light_channel_avx2(surface: &Surface<'_>, light: &Channel, bytes: &mut [u8]) {
+    fn light_channel / light_channel_avx2 / light_channel_avx512(surface: &Surface<'_>, light: &Channel, bytes: &mut [u8]) {
         let count = bytes.len();
         let Surface { colours, rough, meadow, patches, leaves, beam, sun, gloss } = surface;
         let (colours, rough, meadow) = (&colours[..count], &rough[..count], &meadow[..count]);

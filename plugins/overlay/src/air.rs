@@ -1,6 +1,7 @@
 //! What weather and light do to the whole frame: air full of drops or flakes hides what is far away, and a sun in the picture
 //! makes the camera expose less and scatters light in its lens.
 
+use pdk_sdk::ops::overlay::attenuate;
 use pdk_sdk::prelude::*;
 
 /// Height of the camera above the road in metres.
@@ -45,13 +46,7 @@ impl Air {
             // In 65536ths, so that every machine computes the same.
             let keep = ((1.0 - share) * 65536.0).round() as u32;
             let add = added.map(|added| (added * light * 255.0 * 65536.0).round() as u32 + 32768);
-            let mut out = self.frame.as_mut();
-            let row = out.row_mut(y).chunks_exact_mut(3).zip(src.row(y).chunks_exact(3));
-            for (out, pixel) in row {
-                for ((out, &value), add) in out.iter_mut().zip(pixel).zip(add) {
-                    *out = ((u32::from(value) * keep + add) >> 16).min(255) as u8;
-                }
-            }
+            attenuate(src.row(y), self.frame.as_mut().row_mut(y), keep, add);
         }
         self.frame.as_ref()
     }

@@ -269,7 +269,7 @@ mod tests {
             rate: 30.0,
             durations: Vec::new(),
             frames,
-            places: vec![(0, 0); frames + faded],
+            places: vec![Default::default(); frames + faded],
             coverage,
         }
     }

@@ -209,7 +209,7 @@ fn add_shifted(row: &[u8], right: isize, sum: &mut [u16], width: usize) {
 }
 
 vectorised! {
-    fn add_bytes / add_bytes_avx2 (row: &[u8], sum: &mut [u16]) {
+    fn add_bytes / add_bytes_avx2 / add_bytes_avx512 (row: &[u8], sum: &mut [u16]) {
         for (sum, &value) in sum.iter_mut().zip(row) {
             *sum = sum.wrapping_add(u16::from(value));
         }
@@ -217,7 +217,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_span / add_span_avx2 (left: &[u16], right: &[u16], sum: &mut [u16]) {
+    fn add_span / add_span_avx2 / add_span_avx512 (left: &[u16], right: &[u16], sum: &mut [u16]) {
         for ((sum, &left), &right) in sum.iter_mut().zip(left).zip(right) {
             *sum = sum.wrapping_add(right.wrapping_sub(left));
         }
@@ -225,7 +225,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_spans / add_spans_avx2 (
+    fn add_spans / add_spans_avx2 / add_spans_avx512 (
         left: &[u16], right: &[u16], other_left: &[u16], other_right: &[u16], sum: &mut [u16],
     ) {
         let rights = right.iter().zip(other_right);
@@ -239,7 +239,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn flush / flush_avx2 (partial: &mut [u16], sum: &mut [u32]) {
+    fn flush / flush_avx2 / flush_avx512 (partial: &mut [u16], sum: &mut [u32]) {
         for (sum, partial) in sum.iter_mut().zip(partial) {
             *sum += u32::from(*partial);
             *partial = 0;
@@ -248,7 +248,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn normalise / normalise_avx2 (sum: &[u16], dst: &mut [u8], scale: f32) {
+    fn normalise / normalise_avx2 / normalise_avx512 (sum: &[u16], dst: &mut [u8], scale: f32) {
         for (dst, &sum) in dst.iter_mut().zip(sum) {
             *dst = round_inside_byte(f32::from(sum) * scale);
         }
@@ -257,7 +257,7 @@ vectorised! {
 
 vectorised! {
     // Sums stay far below 2^31; a signed conversion is one instruction, an unsigned one is many.
-    fn normalise_wide / normalise_wide_avx2 (
+    fn normalise_wide / normalise_wide_avx2 / normalise_wide_avx512 (
         sum: &[u32], dst: &mut [u8], scale: f32,
     ) {
         for (dst, &sum) in dst.iter_mut().zip(sum) {

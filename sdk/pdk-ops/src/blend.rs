@@ -33,7 +33,7 @@ pub fn blend(a: Frame<'_>, weight: f64, b: Frame<'_>, mut dst: FrameMut<'_>) {
 }
 
 vectorised! {
-    fn blend_row / blend_row_avx2 (a: &[u8], b: &[u8], dst: &mut [u8], weight: f32, rest: f32) {
+    fn blend_row / blend_row_avx2 / blend_row_avx512 (a: &[u8], b: &[u8], dst: &mut [u8], weight: f32, rest: f32) {
         for ((dst, &a), &b) in dst.iter_mut().zip(a).zip(b) {
             *dst = blend_values(a, b, weight, rest);
         }
@@ -50,7 +50,7 @@ pub fn blend_with_grey(src: Frame<'_>, dst: FrameMut<'_>, weight: f64) {
 }
 
 vectorised! {
-    fn blend_with_grey_row / blend_with_grey_row_avx2 (
+    fn blend_with_grey_row / blend_with_grey_row_avx2 / blend_with_grey_row_avx512 (
         from: &[u8], to: &mut [u8], weight: f32, rest: f32,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {

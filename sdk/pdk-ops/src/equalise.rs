@@ -6,7 +6,7 @@
 
 use crate::border::reflect;
 use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
+use crate::hsv::{block_to_hsv, block_to_rgb};
 use crate::planes::{BLOCK, BLOCK_BYTES, put_together, take_apart};
 use crate::simd::{round_inside_byte, round_to_byte, vectorised};
 
@@ -153,7 +153,7 @@ fn gather_cells(curves: &[[u8; 256]], cells: &mut Vec<[u32; 256]>) {
 }
 
 vectorised! {
-    fn row_values / row_values_avx2 (from: &[u8], values: &mut [u8]) {
+    fn row_values / row_values_avx2 / row_values_avx512 (from: &[u8], values: &mut [u8]) {
         for (value, pixel) in values.iter_mut().zip(from.chunks_exact(CHANNELS)) {
             *value = pixel[0].max(pixel[1]).max(pixel[2]);
         }
@@ -161,7 +161,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn interpolate / interpolate_avx2 (
+    fn interpolate / interpolate_avx2 / interpolate_avx512 (
         found: &[u32], shares: &[f32], down: f32, values: &mut [u8],
     ) {
         for ((value, &found), &right) in values.iter_mut().zip(found).zip(shares) {
@@ -174,17 +174,15 @@ vectorised! {
 }
 
 vectorised! {
-    fn replace_values / replace_values_avx2 (
+    fn replace_values / replace_values_avx2 / replace_values_avx512 (
         from: &[u8], to: &mut [u8], values: &[u8],
     ) {
         let blocks = from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES));
-        for ((from, to), values) in blocks.zip(values.chunks_exact(BLOCK)) {
+        for ((from, to), values) in blocks.zip(values.as_chunks().0) {
             let mut planes = take_apart(from);
-            let [reds, greens, blues] = &mut planes;
-            for (((r, g), b), &value) in reds.iter_mut().zip(greens).zip(blues).zip(values) {
-                let [hue, saturation, _] = rgb_to_hsv([*r, *g, *b]);
-                [*r, *g, *b] = hsv_to_rgb([hue, saturation, value]);
-            }
+            block_to_hsv(&mut planes);
+            planes[2] = *values;
+            block_to_rgb(&mut planes);
             put_together(&planes, to);
         }
     }
@@ -196,6 +194,7 @@ mod tests {
 
     use super::*;
     use crate::frame::FrameBuf;
+    use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
     use crate::testing::{plain, run_on, samples};
 
     /// The whole method pixel by pixel, with the same two roundings in single precision.

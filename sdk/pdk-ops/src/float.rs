@@ -194,7 +194,7 @@ fn pad(row: &[f32], width: usize, channels: usize, reach: usize, edge: Edge, int
 }
 
 vectorised! {
-    fn widen / widen_avx2 (from: &[u8], to: &mut [f32]) {
+    fn widen / widen_avx2 / widen_avx512 (from: &[u8], to: &mut [f32]) {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = f32::from(from);
         }
@@ -202,7 +202,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn drop_fractions / drop_fractions_avx2 (from: &[f32], to: &mut [u8]) {
+    fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (from: &[f32], to: &mut [u8]) {
         for (to, &from) in to.iter_mut().zip(from) {
             // Unlike `clamp`, this makes a number of what is none.
             #[allow(clippy::manual_clamp)]
@@ -214,7 +214,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn scale / scale_avx2 (from: &[f32], to: &mut [f32], weight: f32) {
+    fn scale / scale_avx2 / scale_avx512 (from: &[f32], to: &mut [f32], weight: f32) {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = from * weight;
         }
@@ -222,7 +222,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add / add_avx2 (from: &[f32], sum: &mut [f32], weight: f32) {
+    fn add / add_avx2 / add_avx512 (from: &[f32], sum: &mut [f32], weight: f32) {
         for (sum, &from) in sum.iter_mut().zip(from) {
             *sum += from * weight;
         }
@@ -230,7 +230,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_both / add_both_avx2 (a: &[f32], b: &[f32], sum: &mut [f32], weight: f32) {
+    fn add_both / add_both_avx2 / add_both_avx512 (a: &[f32], b: &[f32], sum: &mut [f32], weight: f32) {
         for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
             *sum += (a + b) * weight;
         }

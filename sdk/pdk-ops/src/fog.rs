@@ -1,7 +1,7 @@
 //! Fog: a fractal field and a noisy white layer, to be blended with a frame.
 
 use crate::frame::{CHANNELS, Frame, FrameBuf};
-use crate::noise::{NORMAL_SCALE, normal_table};
+use crate::noise::{NORMAL_SCALE, normals};
 use crate::simd::vectorised;
 use pdk_seed::{Key, Random};
 
@@ -225,7 +225,7 @@ impl Grain {
         if self.made_for != Some((share, overflow)) {
             self.made_for = Some((share, overflow));
             self.table.clear();
-            self.table.extend(normal_table().iter().map(|&normal| {
+            self.table.extend(normals().map(|normal| {
                 let noise = (f32::from(normal) * NORMAL_SCALE * (share * 255.0) as f32) as i32;
                 let noise = match overflow {
                     Overflow::Wraps => noise as u8,

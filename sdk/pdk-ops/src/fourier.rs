@@ -165,7 +165,7 @@ fn smallest_factor(number: usize) -> usize {
 }
 
 vectorised! {
-    fn run / run_avx2 (
+    fn run / run_avx2 / run_avx512 (
         passes: &[Pass], factors: &[Factor], re: &mut [Lane], im: &mut [Lane], other_re: &mut [Lane],
         other_im: &mut [Lane], pairs: &mut [[Lane; 4]],
     ) {

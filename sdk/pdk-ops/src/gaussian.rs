@@ -173,7 +173,7 @@ fn mirror_ends<const N: usize>(padded: &mut [u16], width: usize, radius: usize) 
 }
 
 vectorised! {
-    fn scale_bytes / scale_bytes_avx2 (row: &[u8], sum: &mut [u16], weight: u16) {
+    fn scale_bytes / scale_bytes_avx2 / scale_bytes_avx512 (row: &[u8], sum: &mut [u16], weight: u16) {
         for (sum, &value) in sum.iter_mut().zip(row) {
             *sum = u16::from(value) * weight;
         }
@@ -181,7 +181,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_bytes / add_bytes_avx2 (
+    fn add_bytes / add_bytes_avx2 / add_bytes_avx512 (
         a: &[u8], b: &[u8], c: &[u8], d: &[u8], sum: &mut [u16], weights: [u16; 2],
     ) {
         for ((sum, (&a, &b)), (&c, &d)) in sum.iter_mut().zip(a.iter().zip(b)).zip(c.iter().zip(d)) {
@@ -193,7 +193,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn split / split_avx2 (sum: &[u16], upper: &mut [u16], lower: &mut [u16]) {
+    fn split / split_avx2 / split_avx512 (sum: &[u16], upper: &mut [u16], lower: &mut [u16]) {
         for ((&sum, upper), lower) in sum.iter().zip(upper).zip(lower) {
             *upper = sum >> 8;
             *lower = sum & 255;
@@ -202,7 +202,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn scale_words / scale_words_avx2 (row: &[u16], sum: &mut [u16], weight: u16) {
+    fn scale_words / scale_words_avx2 / scale_words_avx512 (row: &[u16], sum: &mut [u16], weight: u16) {
         for (sum, &value) in sum.iter_mut().zip(row) {
             *sum = value.wrapping_mul(weight);
         }
@@ -210,7 +210,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_words / add_words_avx2 (
+    fn add_words / add_words_avx2 / add_words_avx512 (
         a: &[u16], b: &[u16], c: &[u16], d: &[u16], sum: &mut [u16], weights: [u16; 2],
     ) {
         for ((sum, (&a, &b)), (&c, &d)) in sum.iter_mut().zip(a.iter().zip(b)).zip(c.iter().zip(d)) {
@@ -223,7 +223,7 @@ vectorised! {
 
 vectorised! {
     // (256 * upper + lower + 32768) >> 16 without leaving 16 bits: 256 * upper + lower is at most 256 * 65280.
-    fn finish / finish_avx2 (upper: &[u16], lower: &[u16], dst: &mut [u8]) {
+    fn finish / finish_avx2 / finish_avx512 (upper: &[u16], lower: &[u16], dst: &mut [u8]) {
         for ((dst, &upper), &lower) in dst.iter_mut().zip(upper).zip(lower) {
             *dst = (upper.wrapping_add(lower >> 8).wrapping_add(128) >> 8) as u8;
         }

@@ -1,11 +1,13 @@
 //! Hue, saturation and value in 8 bits: hue in steps of two degrees, 0..=179; saturation and value 0..=255.
 //!
-//! The two conversions are written without branches and with single-precision arithmetic on whole numbers, which is
-//! exact below 2^24, so that the compiler can do several pixels at a time.
+//! There are two of each conversion: of a pixel, which is the standard, and of a block of pixels, which does every step with the
+//! narrowest numbers that hold it, since a vector has the more of them. Both use single-precision arithmetic on whole numbers,
+//! which is exact below 2^24.
 
 use crate::frame::{Frame, FrameMut, for_each_row};
-use crate::planes::{BLOCK_BYTES, put_together, take_apart};
+use crate::planes::{BLOCK, BLOCK_BYTES, Planes, put_together, take_apart};
 use crate::simd::vectorised;
+use crate::table::look_up_row;
 
 /// Adding this to a whole number of magnitude below 2^22 puts that number into the lower bits.
 const SHIFT: f32 = 12_582_912.0;
@@ -52,6 +54,64 @@ pub fn hsv_to_rgb(hsv: [u8; 3]) -> [u8; 3] {
     })
 }
 
+/// Red, green and blue of a block become hue, saturation and value.
+#[inline(always)]
+pub(crate) fn block_to_hsv(planes: &mut Planes) {
+    let [reds, greens, blues] = planes;
+    let mut ranges = [0u8; BLOCK];
+    let mut values = [0u8; BLOCK];
+    let mut positions = [0i16; BLOCK];
+    let colours = reds.iter().zip(&*greens).zip(&*blues);
+    for (((&r, &g), &b), (range, value)) in colours.zip(ranges.iter_mut().zip(&mut values)) {
+        *value = r.max(g).max(b);
+        *range = *value - r.min(g).min(b);
+    }
+    let colours = reds.iter().zip(&*greens).zip(&*blues);
+    for (((&r, &g), &b), (position, (&range, &value))) in
+        colours.zip(positions.iter_mut().zip(ranges.iter().zip(&values)))
+    {
+        let [red, green, blue, range, value] = [r, g, b, range, value].map(i16::from);
+        let other = if value == green { blue - red + 2 * range } else { red - green + 4 * range };
+        *position = if value == red { green - blue } else { other };
+    }
+    for ((hue, &position), &range) in reds.iter_mut().zip(&positions).zip(&ranges) {
+        let reciprocal = 30.0 * 4096.0 / f32::from(range.max(1)) + SHIFT - SHIFT;
+        let found = (round(f32::from(position) * reciprocal) + 2048) >> 12;
+        *hue = if found < 0 { found + 180 } else { found } as u8;
+    }
+    for ((saturation, &range), &value) in greens.iter_mut().zip(&ranges).zip(&values) {
+        let reciprocal = 255.0 * 4096.0 / f32::from(value.max(1)) + SHIFT - SHIFT;
+        *saturation = ((round(f32::from(range) * reciprocal) + 2048) >> 12) as u8;
+    }
+    *blues = values;
+}
+
+/// Hue, saturation and value of a block become red, green and blue.
+#[inline(always)]
+pub(crate) fn block_to_rgb(planes: &mut Planes) {
+    let [hues, saturations, values] = planes;
+    // How far below the value a channel lies, in thirtieths of the chroma, by the distance to where its slopes end.
+    let mut weights = [[0u8; BLOCK]; 3];
+    let [of_red, of_green, of_blue] = &mut weights;
+    for (((red, green), blue), &hue) in of_red.iter_mut().zip(of_green).zip(of_blue).zip(&*hues) {
+        *red = hue.saturating_sub(30).min(150u8.saturating_sub(hue)).min(30);
+        *green = hue.saturating_sub(90).max(30u8.saturating_sub(hue)).min(30);
+        *blue = hue.saturating_sub(150).max(90u8.saturating_sub(hue)).min(30);
+    }
+    let mut chroma = [0f32; BLOCK];
+    for ((chroma, &saturation), &value) in chroma.iter_mut().zip(&*saturations).zip(&*values) {
+        *chroma = f32::from(u16::from(saturation) * u16::from(value));
+    }
+    let top = *values;
+    for (channel, weights) in [hues, saturations, values].into_iter().zip(&weights) {
+        for (((channel, &weight), &chroma), &value) in channel.iter_mut().zip(weights).zip(&chroma).zip(&top)
+        {
+            let below = (chroma * f32::from(weight) * (1.0 / 7650.0) + SHIFT).to_bits() as u8;
+            *channel = value.wrapping_sub(below);
+        }
+    }
+}
+
 /// Multiplies saturation and value by factors: both are clipped to 255 and lose their fraction. Negative factors
 /// count as 0.
 ///
@@ -67,23 +127,19 @@ pub fn scale_hsv(src: Frame<'_>, dst: FrameMut<'_>, saturation_factor: f64, valu
 }
 
 vectorised! {
-    fn scale_hsv_row / scale_hsv_row_avx2 (
+    fn scale_hsv_row / scale_hsv_row_avx2 / scale_hsv_row_avx512 (
         from: &[u8], to: &mut [u8], saturations: Option<&[u8; 256]>, values: Option<&[u8; 256]>,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
             let mut planes = take_apart(from);
-            let [first, second, third] = &mut planes;
-            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
-                [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
-            }
-            for (plane, table) in [(&mut *second, saturations), (&mut *third, values)] {
+            block_to_hsv(&mut planes);
+            for (plane, table) in planes[1..].iter_mut().zip([saturations, values]) {
                 if let Some(table) = table {
-                    plane.iter_mut().for_each(|value| *value = table[usize::from(*value)]);
+                    let from = *plane;
+                    look_up_row(&from, plane, table);
                 }
             }
-            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
-                [*a, *b, *c] = hsv_to_rgb([*a, *b, *c]);
-            }
+            block_to_rgb(&mut planes);
             put_together(&planes, to);
         }
     }
@@ -101,16 +157,15 @@ pub fn turn_hue(src: Frame<'_>, dst: FrameMut<'_>, degrees: f64) {
 }
 
 vectorised! {
-    fn turn_hue_row / turn_hue_row_avx2 (from: &[u8], to: &mut [u8], steps: u8) {
+    fn turn_hue_row / turn_hue_row_avx2 / turn_hue_row_avx512 (from: &[u8], to: &mut [u8], steps: u8) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
             let mut planes = take_apart(from);
-            let [first, second, third] = &mut planes;
-            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
-                let [hue, saturation, value] = rgb_to_hsv([*a, *b, *c]);
-                let turned = u16::from(hue) + u16::from(steps);
-                let turned = if turned >= 180 { turned - 180 } else { turned };
-                [*a, *b, *c] = hsv_to_rgb([turned as u8, saturation, value]);
+            block_to_hsv(&mut planes);
+            for hue in &mut planes[0] {
+                let turned = u16::from(*hue) + u16::from(steps);
+                *hue = if turned >= 180 { turned - 180 } else { turned } as u8;
             }
+            block_to_rgb(&mut planes);
             put_together(&planes, to);
         }
     }
@@ -150,6 +205,36 @@ mod tests {
             assert_eq!(actual, expected, "{rgb:?}");
             assert!(actual[0] < 180);
         }
+    }
+
+    /// All of these, a block at a time.
+    fn in_blocks(all: impl Iterator<Item = [u8; 3]>, mut check: impl FnMut(&[[u8; 3]; BLOCK], &Planes)) {
+        let mut block = [[0; 3]; BLOCK];
+        for (i, colour) in all.enumerate() {
+            block[i % BLOCK] = colour;
+            if i % BLOCK == BLOCK - 1 {
+                check(&block, &std::array::from_fn(|channel| block.map(|colour| colour[channel])));
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_are_converted_like_pixels() {
+        let every = || (0..1 << 24).map(|colour: u32| [colour >> 16, colour >> 8, colour].map(|v| v as u8));
+        in_blocks(every(), |block, planes| {
+            let mut planes = *planes;
+            block_to_hsv(&mut planes);
+            for (i, &pixel) in block.iter().enumerate() {
+                assert_eq!(planes.map(|plane| plane[i]), rgb_to_hsv(pixel), "{pixel:?}");
+            }
+        });
+        in_blocks(every().filter(|hsv| hsv[0] < 180), |block, planes| {
+            let mut planes = *planes;
+            block_to_rgb(&mut planes);
+            for (i, &pixel) in block.iter().enumerate() {
+                assert_eq!(planes.map(|plane| plane[i]), hsv_to_rgb(pixel), "{pixel:?}");
+            }
+        });
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub mod elastic;
 pub mod equalise;
 pub mod false_color;
 pub mod float;
+pub mod float_hsv;
 pub mod fog;
 mod fourier;
 pub mod frame;

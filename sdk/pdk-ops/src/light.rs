@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 
 use crate::frame::CHANNELS;
 use crate::simd::vectorised;
+use crate::table::look_up_row;
 
 /// Steps of light that are told apart: so many that the darkest stored values keep a distance of five steps.
 const STEPS: usize = 1 << 14;
@@ -70,6 +71,13 @@ impl Light {
                 *to = self.0.stored[*step as usize];
             }
         }
+    }
+}
+
+impl Light {
+    /// Multiplies the light of values by the same factor, stored as [`store`](Self::store) does.
+    pub fn scale(&self, from: &[u8], to: &mut [u8], factor: f32) {
+        look_up_row(from, to, &std::array::from_fn(|value| self.store(self.of(value as u8) * factor)));
     }
 }
 
@@ -153,6 +161,20 @@ mod tests {
             });
             assert_eq!(to, expected, "{instructions:?}");
         });
+    }
+
+    #[test]
+    fn light_is_scaled_as_it_is_changed() {
+        let light = Light::new();
+        let from: Vec<u8> = (0..=255).collect();
+        for factor in [0.0, 0.3, 1.0, 1.7, f32::NAN] {
+            let (mut scaled, mut changed) = ([0; 256], [0; 256]);
+            light.scale(&from, &mut scaled, factor);
+            light.change(&from, &mut changed, |_, lights| {
+                lights.iter_mut().for_each(|light| *light *= factor)
+            });
+            assert_eq!(scaled, changed, "{factor}");
+        }
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::gaussian::{self, gaussian_blur_plane};
-use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
+use crate::hsv::{block_to_hsv, block_to_rgb};
+use crate::planes::{BLOCK, BLOCK_BYTES, put_together, take_apart};
 use crate::simd::vectorised;
 
 /// What [`low_pass`] keeps between calls.
@@ -38,42 +39,31 @@ pub fn low_pass(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, works
     }
 }
 
-/// The number of pixels that are converted at a time.
-const BLOCK: usize = 64;
-
 vectorised! {
-    fn split_row / split_row_avx2 (
+    fn split_row / split_row_avx2 / split_row_avx512 (
         from: &[u8], hue: &mut [u8], saturation: &mut [u8], value: &mut [u8],
     ) {
-        let planes = hue.chunks_mut(BLOCK).zip(saturation.chunks_mut(BLOCK)).zip(value.chunks_mut(BLOCK));
-        for (from, ((hue, saturation), value)) in from.chunks(BLOCK * CHANNELS).zip(planes) {
-            // Colours are taken apart first, so that the conversion can work on several pixels at a time.
-            for (((pixel, a), b), c) in
-                from.chunks_exact(CHANNELS).zip(hue.iter_mut()).zip(saturation.iter_mut()).zip(value.iter_mut())
-            {
-                (*a, *b, *c) = (pixel[0], pixel[1], pixel[2]);
-            }
-            for ((a, b), c) in hue.iter_mut().zip(saturation).zip(value) {
-                [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
+        let rows = hue.chunks_mut(BLOCK).zip(saturation.chunks_mut(BLOCK)).zip(value.chunks_mut(BLOCK));
+        for (from, ((hue, saturation), value)) in from.chunks(BLOCK_BYTES).zip(rows) {
+            let mut planes = take_apart(from);
+            block_to_hsv(&mut planes);
+            for (row, plane) in [hue, saturation, value].into_iter().zip(&planes) {
+                row.copy_from_slice(&plane[..row.len()]);
             }
         }
     }
 }
 
 vectorised! {
-    fn join_row / join_row_avx2 (hue: &[u8], saturation: &[u8], value: &[u8], to: &mut [u8]) {
-        let mut colours = [[0u8; BLOCK]; CHANNELS];
-        let planes = hue.chunks(BLOCK).zip(saturation.chunks(BLOCK)).zip(value.chunks(BLOCK));
-        for (to, ((hue, saturation), value)) in to.chunks_mut(BLOCK * CHANNELS).zip(planes) {
-            let [red, green, blue] = &mut colours;
-            let inputs = hue.iter().zip(saturation).zip(value);
-            for ((((h, s), v), r), (g, b)) in inputs.zip(red.iter_mut()).zip(green.iter_mut().zip(blue.iter_mut())) {
-                [*r, *g, *b] = hsv_to_rgb([*h, *s, *v]);
+    fn join_row / join_row_avx2 / join_row_avx512 (hue: &[u8], saturation: &[u8], value: &[u8], to: &mut [u8]) {
+        let rows = hue.chunks(BLOCK).zip(saturation.chunks(BLOCK)).zip(value.chunks(BLOCK));
+        for (to, ((hue, saturation), value)) in to.chunks_mut(BLOCK_BYTES).zip(rows) {
+            let mut planes = [[0; BLOCK]; CHANNELS];
+            for (row, plane) in [hue, saturation, value].into_iter().zip(&mut planes) {
+                plane[..row.len()].copy_from_slice(row);
             }
-            let colours = red.iter().zip(green.iter()).zip(blue.iter());
-            for (pixel, ((r, g), b)) in to.chunks_exact_mut(CHANNELS).zip(colours) {
-                (pixel[0], pixel[1], pixel[2]) = (*r, *g, *b);
-            }
+            block_to_rgb(&mut planes);
+            put_together(&planes, to);
         }
     }
 }
@@ -83,6 +73,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
     use crate::testing::{plain, run_on, samples};
 
     proptest! {

@@ -34,7 +34,7 @@ pub fn tint(src: Frame<'_>, rgb: [u8; 3], mask: Frame<'_>, mut dst: FrameMut<'_>
 }
 
 vectorised! {
-    fn blend_row / blend_row_avx2 (src: &[u8], other: &[u8], mask: &[u8], dst: &mut [u8]) {
+    fn blend_row / blend_row_avx2 / blend_row_avx512 (src: &[u8], other: &[u8], mask: &[u8], dst: &mut [u8]) {
         for ((dst, &src), (&other, &mask)) in dst.iter_mut().zip(src).zip(other.iter().zip(mask)) {
             // At most 255 * 255, and with what is added for rounding still below 2^16.
             let sum = u16::from(mask) * u16::from(other) + u16::from(255 - mask) * u16::from(src) + 128;

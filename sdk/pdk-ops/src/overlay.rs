@@ -1,10 +1,8 @@
-//! Laying a partly transparent picture over a frame.
+//! Laying a partly transparent picture over a frame, and what is done to picture and frame before.
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::planes::{BLOCK, BLOCK_BYTES, put_together};
 use crate::simd::vectorised;
-
-/// Pixels that are done at a time, so that their alphas, one for each value, stay in the fastest cache.
-const BLOCK: usize = 256;
 
 /// Lays a picture over `src`: `dst = picture * opacity + src * (1 - alpha * opacity)`, each product rounded to the nearest
 /// whole number. `colours` holds red, green and blue of all pixels, row by row, premultiplied: no value exceeds the pixel's
@@ -30,21 +28,20 @@ pub fn overlay(src: Frame<'_>, mut dst: FrameMut<'_>, colours: &[u8], alphas: &[
 }
 
 vectorised! {
-    fn overlay_row / overlay_row_avx2 (
+    fn overlay_row / overlay_row_avx2 / overlay_row_avx512 (
         src: &[u8], dst: &mut [u8], colours: &[u8], alphas: &[u8], weight: u16,
     ) {
-        let mut spread = [0u8; BLOCK * CHANNELS];
-        let values = BLOCK * CHANNELS;
-        let blocks = dst.chunks_mut(values).zip(src.chunks(values)).zip(colours.chunks(values)).zip(alphas.chunks(BLOCK));
-        for (((dst, src), colours), alphas) in blocks {
+        let mut spread = [0u8; BLOCK_BYTES];
+        let pixels = dst.chunks_mut(BLOCK_BYTES).zip(src.chunks(BLOCK_BYTES));
+        for (((dst, src), colours), alphas) in pixels.zip(colours.chunks(BLOCK_BYTES)).zip(alphas.chunks(BLOCK)) {
             // Most blocks of most clips have nothing in them.
             if alphas.iter().fold(0, |all, alpha| all | alpha) == 0 {
                 dst.copy_from_slice(src);
                 continue;
             }
-            for (spread, &alpha) in spread.chunks_exact_mut(CHANNELS).zip(alphas) {
-                spread.copy_from_slice(&[alpha; CHANNELS]);
-            }
+            let mut plane = [0; BLOCK];
+            plane[..alphas.len()].copy_from_slice(alphas);
+            put_together(&[plane; CHANNELS], &mut spread);
             for (((dst, &src), &colour), &alpha) in dst.iter_mut().zip(src).zip(colours).zip(&spread) {
                 *dst = overlay_value(src, colour, alpha, weight);
             }
@@ -61,11 +58,45 @@ fn overlay_value(src: u8, colour: u8, alpha: u8, weight: u16) -> u8 {
     (scaled(colour) + ((product + (product >> 8)) >> 8)) as u8
 }
 
+vectorised! {
+    /// A mixture of two pictures with alpha, byte by byte: `weight` 256ths of the second, rounded down, so that no colour comes to exceed its
+    /// alpha.
+    pub fn mix / mix_avx2 / mix_avx512 (first: &[u8], second: &[u8], weight: u16, mixed: &mut [u8]) {
+        for ((mixed, &first), &second) in mixed.iter_mut().zip(first).zip(second) {
+            *mixed = ((u16::from(first) * (256 - weight) + u16::from(second) * weight) >> 8) as u8;
+        }
+    }
+}
+
+/// Values that [`attenuate`] does at a time: whole pixels, and whole vectors.
+const REPEATED: usize = 192;
+
+vectorised! {
+    /// `(keep * value + add) / 65536` of a row, clipped to 255, its fraction dropped, with a summand for each channel; `keep` is at most
+    /// 65536, and a summand at most 2^24.
+    pub fn attenuate / attenuate_avx2 / attenuate_avx512 (from: &[u8], to: &mut [u8], keep: u32, add: [u32; 3]) {
+        // Halves of 32-bit numbers, so that a vector has twice as many of them. A factor of 65536 has no lower half.
+        let (share, whole) = (keep as u16, (keep >> 16) as u16);
+        let upper: [u16; REPEATED] = std::array::from_fn(|at| (add[at % 3] >> 16) as u16);
+        let lower: [u16; REPEATED] = std::array::from_fn(|at| add[at % 3] as u16);
+        for (from, to) in from.chunks(REPEATED).zip(to.chunks_mut(REPEATED)) {
+            for (((&from, to), &upper), &lower) in from.iter().zip(to).zip(&upper).zip(&lower) {
+                let value = u16::from(from);
+                let product = ((u32::from(value) * u32::from(share)) >> 16) as u16;
+                let rest = value.wrapping_mul(share).wrapping_add(lower);
+                let carry = u16::from(rest < lower);
+                *to = (product + value * whole + upper + carry).min(255) as u8;
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::simd::with_each;
     use crate::testing::{plain, run_on, samples};
 
     fn plain_value(src: u8, colour: u8, alpha: u8, opacity: f64) -> u8 {
@@ -92,6 +123,42 @@ mod tests {
                 [0, 1, 2].map(|c| plain_value(pixel[c], colour(i, c), alpha(i), opacity))
             });
             prop_assert_eq!(run_on(&sample, |src, dst| overlay(src, dst, &colours, &alphas, opacity)), expected);
+        }
+    }
+
+    #[test]
+    fn rows_are_attenuated_as_whole_products_say_with_all_instructions() {
+        let from: Vec<u8> = (0..=255).cycle().take(3 * 331).collect();
+        for (keep, add) in [
+            (65536, [32768, 32768, 0]),
+            (65535, [32768, 1, 65535]),
+            (40000, [5_570_560, 16_711_680, 98_304]),
+            (0, [32768, 16_744_448, 70_000]),
+        ] {
+            with_each(|instructions| {
+                let mut to = vec![0; from.len()];
+                attenuate(&from, &mut to, keep, add);
+                for (at, (&from, &to)) in from.iter().zip(&to).enumerate() {
+                    let sum = u64::from(from) * u64::from(keep) + u64::from(add[at % 3]);
+                    assert_eq!(u64::from(to), (sum >> 16).min(255), "{instructions:?} {from} {keep} {add:?}");
+                }
+            });
+        }
+    }
+
+    #[test]
+    fn mixtures_are_rounded_down_with_all_instructions() {
+        let first: Vec<u8> = (0..700).map(|at| (at * 37 % 256) as u8).collect();
+        let second: Vec<u8> = (0..700).map(|at| (at * 91 % 256) as u8).collect();
+        for weight in [0, 1, 128, 255, 256] {
+            with_each(|instructions| {
+                let mut mixed = vec![0; 700];
+                mix(&first, &second, weight, &mut mixed);
+                for ((&mixed, &a), &b) in mixed.iter().zip(&first).zip(&second) {
+                    let sum = u32::from(a) * (256 - u32::from(weight)) + u32::from(b) * u32::from(weight);
+                    assert_eq!(u32::from(mixed), sum / 256, "{instructions:?} {a} {b} {weight}");
+                }
+            });
         }
     }
 

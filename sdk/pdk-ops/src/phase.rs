@@ -110,7 +110,7 @@ pub fn scramble_phase(
 
 vectorised! {
     /// One channel of rows: even ones as real parts, odd ones as imaginary parts.
-    fn load_rows / load_rows_avx2 (
+    fn load_rows / load_rows_avx2 / load_rows_avx512 (
         lines: [&[[u8; CHANNELS]]; ROWS], channel: usize, re: &mut [Lane], im: &mut [Lane],
     ) {
         let width = re.len();
@@ -127,7 +127,7 @@ vectorised! {
 vectorised! {
     /// The results of rows, which come as in [`load_rows`]. The small term keeps whole numbers whole where nothing was
     /// scrambled.
-    fn round_rows / round_rows_avx2 (re: &[Lane], im: &[Lane], scale: f32, bytes: &mut [[u8; ROWS]]) {
+    fn round_rows / round_rows_avx2 / round_rows_avx512 (re: &[Lane], im: &[Lane], scale: f32, bytes: &mut [[u8; ROWS]]) {
         for ((re, im), bytes) in re.iter().zip(im).zip(bytes) {
             for lane in 0..LANES {
                 bytes[2 * lane] = (re[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
@@ -145,7 +145,7 @@ fn place(column: usize, top: usize, padded: usize) -> (usize, usize) {
 
 vectorised! {
     /// Takes the transforms of two rows each apart and puts their halves, twice as large, into the spectrum.
-    fn take_spectra_apart / take_spectra_apart_avx2 (
+    fn take_spectra_apart / take_spectra_apart_avx2 / take_spectra_apart_avx512 (
         rows_re: &[Lane], rows_im: &[Lane], re: &mut [Lane], im: &mut [Lane], top: usize, padded: usize,
     ) {
         let width = rows_re.len();
@@ -172,7 +172,7 @@ vectorised! {
 
 vectorised! {
     /// The reverse of [`take_spectra_apart`], but for the size.
-    fn put_spectra_together / put_spectra_together_avx2 (
+    fn put_spectra_together / put_spectra_together_avx2 / put_spectra_together_avx512 (
         re: &[Lane], im: &[Lane], top: usize, padded: usize, rows_re: &mut [Lane], rows_im: &mut [Lane],
     ) {
         let width = rows_re.len();
@@ -217,7 +217,7 @@ fn cosine(x: f32) -> f32 {
 
 vectorised! {
     /// The factors of a block of columns, from two angles below `range` each.
-    fn make_filter / make_filter_avx2 (
+    fn make_filter / make_filter_avx2 / make_filter_avx512 (
         draws: &[u8], range: f32, re: &mut [Lane], im: &mut [Lane],
     ) {
         let unit = range / 131_072.0;
@@ -253,7 +253,7 @@ fn pair_within_column(draws: &[u8], range: f32, lane: usize, filter: &mut Sequen
 }
 
 vectorised! {
-    fn apply_filter / apply_filter_avx2 (
+    fn apply_filter / apply_filter_avx2 / apply_filter_avx512 (
         filter_re: &[Lane], filter_im: &[Lane], re: &mut [Lane], im: &mut [Lane],
     ) {
         for ((re, im), (a, b)) in re.iter_mut().zip(im).zip(filter_re.iter().zip(filter_im)) {

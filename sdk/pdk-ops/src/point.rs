@@ -1,8 +1,8 @@
 //! Operations on each value by itself: lookup tables and linear maps.
 
 use crate::frame::{Frame, FrameMut};
-use crate::simd::round_to_byte;
-use crate::table::look_up;
+use crate::simd::{round_to_byte, vectorised};
+use crate::table::{look_up, look_up_row};
 
 /// Replaces each value `v` by `table[v]`.
 ///
@@ -22,12 +22,55 @@ pub fn scale_about(src: Frame<'_>, dst: FrameMut<'_>, pivot: f64, factor: f64) {
     look_up(src, dst, &std::array::from_fn(|v| round_to_byte(pivot + (v as f32 - pivot) * factor)));
 }
 
+/// Multiplies values in place, rounded half up and clipped to 0..=255.
+pub fn scale_in_place(values: &mut [u8], factor: f64) {
+    let mut table = [0; 256];
+    fill_table(&mut table, factor);
+    let mut from = [0; 1024];
+    for values in values.chunks_mut(from.len()) {
+        let from = &mut from[..values.len()];
+        from.copy_from_slice(values);
+        look_up_row(from, values, &table);
+    }
+}
+
+vectorised! {
+    fn fill_table / fill_table_avx2 (table: &mut [u8; 256], factor: f64) {
+        for (value, entry) in table.iter_mut().enumerate() {
+            let scaled = f64::from(value as u32) * factor + 0.5;
+            // Unlike `clamp`, this makes a number of what is none.
+            #[allow(clippy::manual_clamp)]
+            let clipped = scaled.max(0.0).min(255.0);
+            // SAFETY: a number from 0 to 255 fits.
+            *entry = (unsafe { clipped.to_int_unchecked::<i32>() }) as u8;
+        }
+    }
+}
+
+/// Clips a result to 0..=255 and drops its fraction; what is not a number becomes 0. Unlike `clamp` and `as`, loops over it are
+/// vectorised.
+#[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
+#[inline(always)]
+pub fn truncated(value: f32) -> u8 {
+    let clipped = value.max(0.0).min(255.0);
+    // SAFETY: a number from 0 to 255 fits. The checked conversion would double the time of whole kernels.
+    (unsafe { clipped.to_int_unchecked::<i32>() }) as u8
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
     use crate::testing::{plain, run_on, samples};
+
+    #[test]
+    fn results_are_clipped_and_lose_their_fraction() {
+        for value in [f32::NAN, f32::NEG_INFINITY, -0.5, 0.0, 0.99, 1.0, 254.999, 255.0, 300.0, f32::INFINITY]
+        {
+            assert_eq!(truncated(value), value as u8, "{value}");
+        }
+    }
 
     proptest! {
         #[test]
@@ -36,6 +79,13 @@ mod tests {
             let src = sample.frame();
             let expected = plain(src, |x, y| src.pixel(x, y).map(|v| table[usize::from(v)]));
             prop_assert_eq!(run_on(&sample, |src, dst| lookup(src, dst, &table)), expected);
+        }
+
+        #[test]
+        fn scale_in_place_matches_the_plain_version(mut values: Vec<u8>, factor in -3.0..300.0) {
+            let expected: Vec<u8> = values.iter().map(|&v| (f64::from(v) * factor + 0.5) as u8).collect();
+            scale_in_place(&mut values, factor);
+            prop_assert_eq!(values, expected);
         }
 
         #[test]

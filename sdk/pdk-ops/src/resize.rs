@@ -159,7 +159,7 @@ pub fn resize_linear_from(src: Source<'_>, mut dst: FrameMut<'_>) {
 }
 
 vectorised! {
-    fn widen / widen_avx2 (row: &[u8], into: &mut [u16]) {
+    fn widen / widen_avx2 / widen_avx512 (row: &[u8], into: &mut [u16]) {
         for (into, &value) in into.iter_mut().zip(row) {
             *into = u16::from(value) << ROW_BITS;
         }
@@ -167,7 +167,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix / mix_avx2 (a: &[u16], b: &[u16], out: &mut [u8], weights: [u16; 2]) {
+    fn mix / mix_avx2 / mix_avx512 (a: &[u16], b: &[u16], out: &mut [u8], weights: [u16; 2]) {
         let share = |value: u16, weight: u16| ((u32::from(value) * u32::from(weight)) >> 16) as u16;
         for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
             *out = ((share(a, weights[0]) + share(b, weights[1]) + 2) >> 2) as u8;

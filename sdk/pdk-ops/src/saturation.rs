@@ -1,7 +1,7 @@
 //! Saturation alone.
 
 use crate::frame::{Frame, FrameMut, for_each_row};
-use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
+use crate::hsv::{block_to_hsv, block_to_rgb};
 use crate::planes::{BLOCK_BYTES, put_together, take_apart};
 use crate::simd::{vectorised, whole_byte};
 
@@ -19,17 +19,18 @@ pub fn scale_saturation(src: Frame<'_>, dst: FrameMut<'_>, factor: f64) {
 }
 
 vectorised! {
-    fn scale_saturation_row / scale_saturation_row_avx2 (
+    fn scale_saturation_row / scale_saturation_row_avx2 / scale_saturation_row_avx512 (
         from: &[u8], to: &mut [u8], factor: f32,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
             let mut planes = take_apart(from);
-            let [reds, greens, blues] = &mut planes;
-            for ((r, g), b) in reds.iter_mut().zip(greens).zip(blues) {
-                let [hue, saturation, value] = rgb_to_hsv([*b, *g, *r]);
-                let saturation = whole_byte((f32::from(saturation) * factor).min(255.0));
-                [*b, *g, *r] = hsv_to_rgb([hue, saturation, value]);
+            planes.reverse();
+            block_to_hsv(&mut planes);
+            for saturation in &mut planes[1] {
+                *saturation = whole_byte((f32::from(*saturation) * factor).min(255.0));
             }
+            block_to_rgb(&mut planes);
+            planes.reverse();
             put_together(&planes, to);
         }
     }
@@ -40,6 +41,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
     use crate::testing::{plain, run_on, samples};
 
     proptest! {

@@ -38,7 +38,7 @@ pub fn sharpen(src: Frame<'_>, mut dst: FrameMut<'_>, gain: f64, weight: f64, wo
 }
 
 vectorised! {
-    fn add_three / add_three_avx2 (a: &[u8], b: &[u8], c: &[u8], sums: &mut [u16]) {
+    fn add_three / add_three_avx2 / add_three_avx512 (a: &[u8], b: &[u8], c: &[u8], sums: &mut [u16]) {
         for (((sum, &a), &b), &c) in sums.iter_mut().zip(a).zip(b).zip(c) {
             *sum = u16::from(a) + u16::from(b) + u16::from(c);
         }
@@ -46,7 +46,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn sharpen_row / sharpen_row_avx2 (
+    fn sharpen_row / sharpen_row_avx2 / sharpen_row_avx512 (
         row: &[u8], sums: &[u16], out: &mut [u8], centre: f32, weight: f32, rest: f32,
     ) {
         let neighbours = sums.iter().zip(&sums[CHANNELS..]).zip(&sums[2 * CHANNELS..]);

@@ -33,7 +33,9 @@ pub fn instructions_in_use() -> &'static str {
 pub(crate) fn instructions() -> Instructions {
     use std::arch::is_x86_feature_detected as has;
     let widest = match has!("avx2") {
-        true if has!("avx512f") && has!("avx512bw") && has!("avx512vbmi") => Instructions::Avx512,
+        true if has!("avx512vbmi") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") => {
+            Instructions::Avx512
+        }
         true => Instructions::Avx2,
         false => Instructions::Portable,
     };
@@ -65,14 +67,23 @@ pub(crate) fn has_avx2() -> bool {
     instructions() >= Instructions::Avx2
 }
 
-/// Defines a function that is compiled for AVX2 as well, and chooses at run time: `fn NAME / NAME_FOR_AVX2 (arguments) { body }`.
+/// Whether functions are to use their AVX-512 twins, those that have one.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub(crate) fn has_avx512() -> bool {
+    instructions() >= Instructions::Avx512
+}
+
+/// Defines a function that is compiled for AVX2 as well, and chooses at run time: `fn NAME / NAME_FOR_AVX2 (arguments) { body }`; with
+/// `fn NAME / NAME_FOR_AVX2 / NAME_FOR_AVX512 (arguments) { body }` also for AVX-512, which is for those that it makes faster:
+/// many are held up by something else, and some are slower with wide registers.
 ///
-/// The body is ordinary Rust, so both do the same single operations in the same order, and the bytes are the same. A crate that uses the
-/// macro has a function `simd::has_avx2`, which its tests can make say no.
+/// The body is ordinary Rust, so all do the same single operations in the same order, and the bytes are the same. A crate that uses the
+/// macro has a function `simd::has_avx2`, and `simd::has_avx512` for the second form, which its tests can make say no.
 #[macro_export]
 #[allow(clippy::crate_in_macro_def)] // Each crate has its own switch for its tests.
 macro_rules! vectorised {
-    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $avx2:ident
+    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $avx2:ident $(/ $avx512:ident)?
      ($($argument:ident: $type:ty),* $(,)?) $body:block) => {
         $(#[$attribute])*
         #[allow(clippy::too_many_arguments)]
@@ -89,6 +100,7 @@ macro_rules! vectorised {
                 portable($($argument),*)
             }
 
+            $crate::wide_twin!($($avx512)? ($($argument: $type),*));
             #[cfg(target_arch = "x86_64")]
             if crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2, which is all that this version asks for.
@@ -99,6 +111,28 @@ macro_rules! vectorised {
     };
 }
 pub(crate) use vectorised;
+
+/// The part of [`vectorised!`] for AVX-512: nothing if there is no name.
+#[macro_export]
+#[doc(hidden)]
+#[allow(clippy::crate_in_macro_def)]
+macro_rules! wide_twin {
+    (($($argument:ident: $type:ty),*)) => {};
+    ($avx512:ident ($($argument:ident: $type:ty),*)) => {
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512bw,avx512dq,avx512vl,avx512vbmi")]
+        #[allow(clippy::too_many_arguments)]
+        fn $avx512($($argument: $type),*) {
+            portable($($argument),*)
+        }
+
+        #[cfg(target_arch = "x86_64")]
+        if crate::simd::has_avx512() {
+            // SAFETY: the processor has all that this version asks for.
+            return unsafe { $avx512($($argument),*) };
+        }
+    };
+}
 
 /// Adding this to a number in `0.0..=255.0` leaves the number, rounded half to even, in the lowest byte.
 const ROUNDING: f32 = 8_388_608.0;

@@ -45,7 +45,7 @@ fn weighted_7(pairs: [u16; 4]) -> u16 {
 }
 
 vectorised! {
-    fn down_3 / down_3_avx2 (rows: &[&[u8]], sums: &mut [u16]) {
+    fn down_3 / down_3_avx2 / down_3_avx512 (rows: &[&[u8]], sums: &mut [u16]) {
         let [a, b, c] = [0, 1, 2].map(|i: usize| &rows[i][..sums.len()]);
         for (i, sum) in sums.iter_mut().enumerate() {
             *sum = weighted_3([a[i], b[i], c[i]].map(u16::from));
@@ -54,7 +54,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn down_5 / down_5_avx2 (rows: &[&[u8]], sums: &mut [u16]) {
+    fn down_5 / down_5_avx2 / down_5_avx512 (rows: &[&[u8]], sums: &mut [u16]) {
         let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i: usize| &rows[i][..sums.len()]);
         for (i, sum) in sums.iter_mut().enumerate() {
             *sum = weighted_5([a[i], b[i], c[i], d[i], e[i]].map(u16::from));
@@ -63,7 +63,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn down_7 / down_7_avx2 (rows: &[&[u8]], sums: &mut [u16]) {
+    fn down_7 / down_7_avx2 / down_7_avx512 (rows: &[&[u8]], sums: &mut [u16]) {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i: usize| &rows[i][..sums.len()]);
         let [e, f, g] = [4, 5, 6].map(|i: usize| &rows[i][..sums.len()]);
         for (i, sum) in sums.iter_mut().enumerate() {
@@ -74,7 +74,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn right_3 / right_3_avx2 (sums: &[u16], step: usize, out: &mut [u8]) {
+    fn right_3 / right_3_avx2 / right_3_avx512 (sums: &[u16], step: usize, out: &mut [u8]) {
         let [a, b, c] = [0, 1, 2].map(|i| &sums[i * step..][..out.len()]);
         for (i, out) in out.iter_mut().enumerate() {
             *out = ((weighted_3([a[i], b[i], c[i]]) + 8) >> 4) as u8;
@@ -83,7 +83,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn right_5 / right_5_avx2 (sums: &[u16], step: usize, out: &mut [u8]) {
+    fn right_5 / right_5_avx2 / right_5_avx512 (sums: &[u16], step: usize, out: &mut [u8]) {
         let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| &sums[i * step..][..out.len()]);
         for (i, out) in out.iter_mut().enumerate() {
             *out = ((weighted_5([a[i], b[i], c[i], d[i], e[i]]) + 128) >> 8) as u8;
@@ -93,7 +93,7 @@ vectorised! {
 
 vectorised! {
     // Upper and lower bytes of sums are weighted one after the other, which fits 16 bits: (256 * upper + lower + 2048) >> 12.
-    fn right_7 / right_7_avx2 (sums: &[u16], step: usize, out: &mut [u8]) {
+    fn right_7 / right_7_avx2 / right_7_avx512 (sums: &[u16], step: usize, out: &mut [u8]) {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| &sums[i * step..][..out.len()]);
         let [e, f, g] = [4, 5, 6].map(|i| &sums[i * step..][..out.len()]);
         for (i, out) in out.iter_mut().enumerate() {

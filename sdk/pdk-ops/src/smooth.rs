@@ -119,7 +119,7 @@ pub(crate) fn smooth(
 
 vectorised! {
     // Rounds half up.
-    fn shift_down / shift_down_avx2 (sums: &[i32], into: &mut [i16], bits: u32) {
+    fn shift_down / shift_down_avx2 / shift_down_avx512 (sums: &[i32], into: &mut [i16], bits: u32) {
         let half = (1 << bits) >> 1;
         for (into, &sum) in into.iter_mut().zip(sums) {
             *into = ((sum + half) >> bits) as i16;

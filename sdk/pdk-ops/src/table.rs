@@ -12,7 +12,8 @@ pub(crate) fn look_up(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
     for_each_row(src, dst, |from, to| look_up_row(from, to, table));
 }
 
-fn look_up_row(from: &[u8], to: &mut [u8], table: &[u8; 256]) {
+/// Replaces the values of a row.
+pub(crate) fn look_up_row(from: &[u8], to: &mut [u8], table: &[u8; 256]) {
     #[cfg(target_arch = "x86_64")]
     let done = match instructions() {
         // SAFETY: the processor has what is asked for.

@@ -42,7 +42,7 @@ pub fn unsharp_mask(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, w
 }
 
 vectorised! {
-    fn widen / widen_avx2 (row: &[u8], into: &mut [i16]) {
+    fn widen / widen_avx2 / widen_avx512 (row: &[u8], into: &mut [i16]) {
         for (into, &value) in into.iter_mut().zip(row) {
             *into = i16::from(value);
         }
@@ -50,7 +50,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn subtract / subtract_avx2 (row: &[u8], blur: &[i32], out: &mut [u8]) {
+    fn subtract / subtract_avx2 / subtract_avx512 (row: &[u8], blur: &[i32], out: &mut [u8]) {
         for ((out, &value), &blur) in out.iter_mut().zip(row).zip(blur) {
             let rest = (i32::from(value) << (BLUR_BITS + 1)) - blur;
             *out = (rest >> BLUR_BITS).clamp(0, 255) as u8;

@@ -72,7 +72,7 @@ pub fn warp_affine(src: Frame<'_>, mut dst: FrameMut<'_>, map: &Affine, workspac
 }
 
 vectorised! {
-    fn places / places_avx2 (start: i32, columns: &[i32], into: &mut [i32]) {
+    fn places / places_avx2 / places_avx512 (start: i32, columns: &[i32], into: &mut [i32]) {
         for (into, &column) in into.iter_mut().zip(columns) {
             *into = (start + column) >> FINE_TO_SUBPIXEL_BITS;
         }
@@ -115,7 +115,7 @@ fn shift_row(src: Frame<'_>, x: i32, y: i32, out: &mut [u8], mixed: &mut Vec<u16
 }
 
 vectorised! {
-    fn mix_rows / mix_rows_avx2 (upper: &[u8], lower: &[u8], into: &mut [u16], down: u16) {
+    fn mix_rows / mix_rows_avx2 / mix_rows_avx512 (upper: &[u8], lower: &[u8], into: &mut [u16], down: u16) {
         for ((into, &upper), &lower) in into.iter_mut().zip(upper).zip(lower) {
             *into = u16::from(upper) * (SUBPIXELS as u16 - down) + u16::from(lower) * down;
         }
@@ -123,7 +123,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn scale_row / scale_row_avx2 (row: &[u8], into: &mut [u16], weight: u16) {
+    fn scale_row / scale_row_avx2 / scale_row_avx512 (row: &[u8], into: &mut [u16], weight: u16) {
         for (into, &value) in into.iter_mut().zip(row) {
             *into = u16::from(value) * weight;
         }
@@ -131,7 +131,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix_along / mix_along_avx2 (mixed: &[u16], out: &mut [u8], right: u16) {
+    fn mix_along / mix_along_avx2 / mix_along_avx512 (mixed: &[u16], out: &mut [u8], right: u16) {
         let (left, right) = (SUBPIXELS as u32 - u32::from(right), u32::from(right));
         for ((out, &a), &b) in out.iter_mut().zip(mixed).zip(&mixed[CHANNELS..]) {
             *out = ((u32::from(a) * left + u32::from(b) * right + 512) >> 10) as u8;

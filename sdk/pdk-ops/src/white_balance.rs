@@ -20,7 +20,7 @@ fn channel_sums(src: Frame<'_>) -> [u64; 3] {
 }
 
 vectorised! {
-    fn add_channels / add_channels_avx2 (row: &[u8], sums: &mut [u64; 3]) {
+    fn add_channels / add_channels_avx2 / add_channels_avx512 (row: &[u8], sums: &mut [u64; 3]) {
         for part in row.chunks(BLOCK * BLOCKS_PER_SUM) {
             let mut partial = [0u16; BLOCK];
             let blocks = part.chunks_exact(BLOCK);
@@ -63,7 +63,7 @@ pub fn blend_with_grey_world(src: Frame<'_>, dst: FrameMut<'_>, weight: f64) {
 }
 
 vectorised! {
-    fn correct_row / correct_row_avx2 (
+    fn correct_row / correct_row_avx2 / correct_row_avx512 (
         from: &[u8], to: &mut [u8], gains: &[f32; BLOCK], weight: f32, rest: f32,
     ) {
         for (from, to) in from.chunks(BLOCK).zip(to.chunks_mut(BLOCK)) {

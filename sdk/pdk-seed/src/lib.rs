@@ -4,10 +4,11 @@
 //! a key gives any number of streams of [`Random`] numbers (ChaCha8). Nothing is drawn from a clock, a counter or an order, so the same
 //! seed gives the same numbers on every machine, whatever else is drawn beside them.
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod key;
 mod stream;
+mod wide;
 
 pub use key::{Key, key, of_frame, of_scenario};
 pub use stream::{Random, normal_quantile};

@@ -3,6 +3,15 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
+use crate::wide;
+
+/// Below this many bytes, single blocks are faster.
+const FEW: usize = 512;
+/// The bytes of a word, in which the generator counts.
+const WORD: usize = 4;
+/// The words of a block.
+const WORDS_OF_BLOCK: u128 = (wide::BLOCK / WORD) as u128;
+
 /// One stream of random numbers.
 #[derive(Debug, Clone)]
 pub struct Random {
@@ -24,9 +33,44 @@ impl Random {
         self.generator.next_u64()
     }
 
-    /// Fills a slice with random bytes.
+    /// Fills a slice with random bytes. What is drawn next begins with a whole word of four bytes.
     pub fn fill(&mut self, bytes: &mut [u8]) {
-        self.generator.fill_bytes(bytes);
+        if bytes.len() < FEW || !self.fill_wide(bytes) {
+            self.generator.fill_bytes(bytes);
+        }
+    }
+
+    /// As [`fill`](Self::fill), many blocks at a time; false if this processor cannot.
+    fn fill_wide(&mut self, bytes: &mut [u8]) -> bool {
+        let position = self.generator.get_word_pos();
+        let end = position.wrapping_add(bytes.len().div_ceil(WORD) as u128);
+        let stream = wide::Stream { key: self.generator.get_seed(), number: self.generator.get_stream() };
+        let mut block = (position / WORDS_OF_BLOCK) as u64;
+        // Of the first block, what was drawn already is left out.
+        let mut drawn = (position % WORDS_OF_BLOCK) as usize * WORD;
+        let (mut group, mut left) = ([0; wide::GROUP], bytes);
+        while !left.is_empty() {
+            match left.first_chunk_mut() {
+                Some(whole) if drawn == 0 => {
+                    if !wide::blocks(&stream, block, whole) {
+                        return false;
+                    }
+                    left = &mut left[wide::GROUP..];
+                }
+                _ => {
+                    if !wide::blocks(&stream, block, &mut group) {
+                        return false;
+                    }
+                    let count = left.len().min(wide::GROUP - drawn);
+                    left[..count].copy_from_slice(&group[drawn..drawn + count]);
+                    left = &mut left[count..];
+                    drawn = 0;
+                }
+            }
+            block = block.wrapping_add((wide::GROUP / wide::BLOCK) as u64);
+        }
+        self.generator.set_word_pos(end);
+        true
     }
 
     /// A number in `0.0..1.0`, in steps of 2^-53.
@@ -177,6 +221,23 @@ mod tests {
             (1e-20, -9.262_340_089_798_408),
         ] {
             assert!((normal_quantile(p) - z).abs() < 1e-12, "{p}: {}", normal_quantile(p));
+        }
+    }
+
+    #[test]
+    fn slices_are_filled_as_the_generator_fills_them() {
+        let mut random = Key([5; 32]).frame(9);
+        let mut generator = random.generator.clone();
+        // From any place in a block, and over more than one group; numbers are drawn in between.
+        for length in (0..3000).step_by(7).chain([1024, 1024, 2048, 511, 512, 513, 70_001]) {
+            let (mut bytes, mut expected) = (vec![0; length], vec![0; length]);
+            random.fill(&mut bytes);
+            generator.fill_bytes(&mut expected);
+            assert_eq!(bytes, expected, "{length}");
+            assert_eq!(random.next_u32(), generator.next_u32(), "after {length}");
+            if length % 3 == 0 {
+                assert_eq!(random.next_u64(), generator.next_u64(), "after {length}");
+            }
         }
     }
 

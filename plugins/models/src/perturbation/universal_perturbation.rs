@@ -1,6 +1,7 @@
 //! A universal perturbation: the same change of every frame.
 
 use pdk_sdk::ops::change;
+use pdk_sdk::ops::point::lookup;
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
@@ -12,6 +13,9 @@ pub struct UniversalPerturbation {
     picture: FrameBuf,
     /// The picture in the size of the frame.
     resized: FrameBuf,
+    /// What is added to each value and what is then subtracted, of which one is 0; for the size and an epsilon.
+    changes: [FrameBuf; 2],
+    epsilon: Option<f32>,
 }
 
 impl Component for UniversalPerturbation {
@@ -34,7 +38,12 @@ impl Component for UniversalPerturbation {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        Ok(Self { picture: artwork::read(config)?, resized: FrameBuf::default() })
+        Ok(Self {
+            picture: artwork::read(config)?,
+            resized: FrameBuf::default(),
+            changes: Default::default(),
+            epsilon: None,
+        })
     }
 }
 
@@ -44,13 +53,25 @@ impl Perturbation for UniversalPerturbation {
         if (self.resized.width(), self.resized.height()) != (width, height) {
             self.resized.resize(width, height);
             resize_linear(self.picture.as_ref(), self.resized.as_mut());
+            self.epsilon = None;
         }
         let epsilon = cx.number("epsilon") as f32;
-        let steps: [i16; 256] =
-            std::array::from_fn(|byte| change::step(change::of_byte(byte as u8), epsilon));
-        for ((to, from), added) in dst.rows_mut().zip(src.rows()).zip(self.resized.as_ref().rows()) {
-            for ((to, from), added) in to.iter_mut().zip(from).zip(added) {
-                *to = change::added(*from, steps[usize::from(*added)]);
+        if self.epsilon != Some(epsilon) {
+            for (changes, sign) in self.changes.iter_mut().zip([1, -1]) {
+                let steps = |byte| sign * change::step(change::of_byte(byte as u8), epsilon);
+                changes.resize(width, height);
+                lookup(
+                    self.resized.as_ref(),
+                    changes.as_mut(),
+                    &std::array::from_fn(|byte| steps(byte).clamp(0, 255) as u8),
+                );
+            }
+            self.epsilon = Some(epsilon);
+        }
+        let [more, less] = self.changes.each_ref().map(FrameBuf::as_ref);
+        for ((to, from), (more, less)) in dst.rows_mut().zip(src.rows()).zip(more.rows().zip(less.rows())) {
+            for ((to, &from), (&more, &less)) in to.iter_mut().zip(from).zip(more.iter().zip(less)) {
+                *to = from.saturating_add(more).saturating_sub(less);
             }
         }
         Ok(())

@@ -29,7 +29,7 @@ pub(super) fn interleave_columns(rows: &mut [u8], stride: usize, [first, second]
 
 vectorised! {
     // The even elements, then the odd ones.
-    fn separate / separate_avx2 (from: &[u8], to: &mut [u8]) {
+    fn separate / separate_avx2 / separate_avx512 (from: &[u8], to: &mut [u8]) {
         let (even, odd) = to.split_at_mut(from.len() / 2);
         for ((pair, even), odd) in from.chunks_exact(2).zip(even).zip(odd) {
             *even = pair[0];
@@ -40,7 +40,7 @@ vectorised! {
 
 vectorised! {
     // Undoes `separate`.
-    fn interleave / interleave_avx2 (from: &[u8], to: &mut [u8]) {
+    fn interleave / interleave_avx2 / interleave_avx512 (from: &[u8], to: &mut [u8]) {
         let (even, odd) = from.split_at(from.len() / 2);
         for ((pair, even), odd) in to.chunks_exact_mut(2).zip(even).zip(odd) {
             pair[0] = *even;
@@ -50,7 +50,7 @@ vectorised! {
 }
 
 vectorised! {
-    pub(super) fn round_trip_blocks / round_trip_blocks_avx2 (
+    pub(super) fn round_trip_blocks / round_trip_blocks_avx2 / round_trip_blocks_avx512 (
         rows: &mut [u8], stride: usize, table: &Table,
     ) {
         let mut blocks: Blocks = [[0; LANES]; 64];
@@ -66,7 +66,7 @@ vectorised! {
 
 vectorised! {
     /// The first half of [`round_trip_blocks`].
-    pub(super) fn compress_blocks / compress_blocks_avx2 (rows: &[u8], stride: usize, table: &Table, levels: &mut [i16]) {
+    pub(super) fn compress_blocks / compress_blocks_avx2 / compress_blocks_avx512 (rows: &[u8], stride: usize, table: &Table, levels: &mut [i16]) {
         let mut blocks: Blocks = [[0; LANES]; 64];
         for (group, levels) in levels.chunks_exact_mut(64 * LANES).enumerate() {
             gather(rows, stride, group * LANES, &mut blocks);
@@ -83,7 +83,7 @@ vectorised! {
 
 vectorised! {
     /// The second half.
-    pub(super) fn decompress_blocks / decompress_blocks_avx2 (levels: &[i16], table: &Table, rows: &mut [u8], stride: usize) {
+    pub(super) fn decompress_blocks / decompress_blocks_avx2 / decompress_blocks_avx512 (levels: &[i16], table: &Table, rows: &mut [u8], stride: usize) {
         let mut blocks: Blocks = [[0; LANES]; 64];
         for (group, levels) in levels.chunks_exact(64 * LANES).enumerate() {
             let levels = levels.chunks_exact(LANES).zip(&table.steps);

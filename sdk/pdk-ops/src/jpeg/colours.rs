@@ -9,7 +9,7 @@ const COLOUR_BITS: u32 = 16;
 const HALF: i32 = 1 << (COLOUR_BITS - 1);
 
 vectorised! {
-    pub(super) fn split_colours / split_colours_avx2 (
+    pub(super) fn split_colours / split_colours_avx2 / split_colours_avx512 (
         from: &[u8], luma: &mut [u8], blue: &mut [u8], red: &mut [u8], exchanged: bool,
     ) {
         // The offset of 128, and a little less than one half, so that chroma stays below 256.
@@ -27,7 +27,7 @@ vectorised! {
 
 vectorised! {
     /// The mean of four; one half is rounded down and up in turn.
-    pub(super) fn halve / halve_avx2 (upper: &[u8], lower: &[u8], out: &mut [u8]) {
+    pub(super) fn halve / halve_avx2 / halve_avx512 (upper: &[u8], lower: &[u8], out: &mut [u8]) {
         let sum = |upper: &[u8], lower: &[u8], bias: u16| {
             let pairs = [upper[0], upper[1], lower[0], lower[1]];
             ((pairs.into_iter().map(u16::from).sum::<u16>() + bias) >> 2) as u8
@@ -40,7 +40,7 @@ vectorised! {
 }
 
 vectorised! {
-    pub(super) fn add_rows / add_rows_avx2 (near: &[u8], far: &[u8], sums: &mut [u16]) {
+    pub(super) fn add_rows / add_rows_avx2 / add_rows_avx512 (near: &[u8], far: &[u8], sums: &mut [u16]) {
         for ((sum, &near), &far) in sums.iter_mut().zip(near).zip(far) {
             *sum = 3 * u16::from(near) + u16::from(far);
         }
@@ -49,7 +49,7 @@ vectorised! {
 
 vectorised! {
     /// Two samples from each sum and its neighbours; one half is rounded up and down in turn.
-    pub(super) fn double / double_avx2 (sums: &[u16], out: &mut [u8]) {
+    pub(super) fn double / double_avx2 / double_avx512 (sums: &[u16], out: &mut [u8]) {
         let (left, right) = (sums, &sums[2..]);
         for (((out, &left), &middle), &right) in out.chunks_exact_mut(2).zip(left).zip(&sums[1..]).zip(right) {
             out[0] = ((3 * middle + left + 8) >> 4) as u8;
@@ -59,7 +59,7 @@ vectorised! {
 }
 
 vectorised! {
-    pub(super) fn join_colours / join_colours_avx2 (
+    pub(super) fn join_colours / join_colours_avx2 / join_colours_avx512 (
         luma: &[u8], blue: &[u8], red: &[u8], to: &mut [u8], exchanged: bool,
     ) {
         let inputs = luma.iter().zip(blue).zip(red);

@@ -37,9 +37,7 @@ pub const OPERATIONS: &[Operation] = &[
         work: Work::Draw(|mut dst, arguments| {
             let (row, factor) = (arguments.pixel("row"), arguments.number("factor"));
             let Some(row) = usize::try_from(row).ok().and_then(|row| dst.rows_mut().nth(row)) else { return };
-            // A cast drops the fraction and clips.
-            let table: [u8; 256] = std::array::from_fn(|value| (value as f64 * factor + 0.5) as u8);
-            row.iter_mut().for_each(|value| *value = table[usize::from(*value)]);
+            point::scale_in_place(row, factor);
         }),
     },
     Operation {
