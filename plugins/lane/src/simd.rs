@@ -1,6 +1,6 @@
-//! Code that is compiled twice: for every processor, and for those with AVX2, chosen at run time.
+//! Code that is compiled several times: for every processor, and for those with AVX2 or AVX-512, chosen at run time.
 //!
-//! The first is plain Rust and the standard: tests compare the second with it. Both do the same single operations in the same
+//! The first is plain Rust and the standard: tests compare the others with it. All do the same single operations in the same
 //! order, so the bytes are the same.
 
 /// Pixels that are worked on at a time. Rows of values are as long as whole blocks, so that no block is cut.
@@ -17,7 +17,7 @@ pub(crate) use pdk_sdk::ops::vectorised;
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn has_avx2() -> bool {
-    std::arch::is_x86_feature_detected!("avx2") && !portable_only()
+    std::arch::is_x86_feature_detected!("avx2") && allowed() != Allowed::Portable
 }
 
 /// Whether the versions for AVX-512 are to be used.
@@ -25,33 +25,57 @@ pub fn has_avx2() -> bool {
 #[inline(always)]
 pub fn has_avx512() -> bool {
     use std::arch::is_x86_feature_detected as has;
-    has!("avx512vbmi") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") && !portable_only()
+    has!("avx512vbmi")
+        && has!("avx512bw")
+        && has!("avx512dq")
+        && has!("avx512vl")
+        && allowed() == Allowed::All
 }
 
-/// Whether a test has asked for the portable versions on this thread.
+/// The versions that may be used.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Allowed {
+    #[cfg_attr(not(test), allow(dead_code))]
+    Portable,
+    #[cfg_attr(not(test), allow(dead_code))]
+    Avx2,
+    All,
+}
+
+/// What a test allows on this thread.
 #[cfg(all(test, target_arch = "x86_64"))]
-fn portable_only() -> bool {
-    PORTABLE_ONLY.get()
+fn allowed() -> Allowed {
+    ALLOWED.get()
 }
 
 #[cfg(all(not(test), target_arch = "x86_64"))]
 #[inline(always)]
-const fn portable_only() -> bool {
-    false
+const fn allowed() -> Allowed {
+    Allowed::All
 }
 
-#[cfg(test)]
+#[cfg(all(test, target_arch = "x86_64"))]
 thread_local! {
-    pub static PORTABLE_ONLY: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+    static ALLOWED: std::cell::Cell<Allowed> = const { std::cell::Cell::new(Allowed::All) };
 }
 
-/// The portable result of a piece of work, for comparison.
+/// The portable result of a piece of work, for comparison; if it is another one with AVX2 alone, that is a failure.
 #[cfg(test)]
-pub fn portably<T>(work: impl FnOnce() -> T) -> T {
-    PORTABLE_ONLY.set(true);
-    let result = work();
-    PORTABLE_ONLY.set(false);
-    result
+pub fn portably<T: PartialEq>(mut work: impl FnMut() -> T) -> T {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let [portable, narrow] = [Allowed::Portable, Allowed::Avx2].map(|allowed| {
+            ALLOWED.set(allowed);
+            let result = work();
+            ALLOWED.set(Allowed::All);
+            result
+        });
+        assert!(portable == narrow, "the version for AVX2 differs from the portable one");
+        portable
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    work()
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -293,8 +293,11 @@ mod tests {
                 picture.draw(&mut fast.as_mut(), at);
                 drawn_plainly(picture, &mut plain.as_mut(), &at);
                 assert!(fast == plain, "{at:?}");
-                let mut portable = grey();
-                portably(|| picture.draw(&mut portable.as_mut(), at));
+                let portable = portably(|| {
+                    let mut portable = grey();
+                    picture.draw(&mut portable.as_mut(), at);
+                    portable
+                });
                 assert!(portable == plain, "{at:?}");
             }
         }

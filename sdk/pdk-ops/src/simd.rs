@@ -1,4 +1,4 @@
-//! One body, compiled twice: for the baseline of the target, and on x86-64 for AVX2, chosen at run time.
+//! One body, compiled several times: for the baseline of the target, and on x86-64 for AVX2 and, if it pays, AVX-512, chosen at run time.
 //!
 //! The bodies are ordinary Rust that the compiler vectorises. They use integers, or single floating-point
 //! operations that are never fused, so both versions give the same bytes.
