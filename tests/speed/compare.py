@@ -548,7 +548,7 @@ def page(figures, loop):
     failed = f" Not measured, because it failed: {'; '.join(figures['failed'])}." if figures["failed"] else ""
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
     text += f"""
-All figures come from one run on one thread of one machine. They are medians of the thread's processor time, for frames after the first few
+All figures come from one run on one thread of one machine{processor()}. They are medians of the thread's processor time, for frames after the first few
 (pdk prepares textures and clips once and keeps them, and the memory of arrays too). "Copies" is the time divided by that of a
 copy of the frame in the same run: of a perturbation in the tables by size the median of its levels, of the slowest at that level. {versions}.{failed}
 
@@ -571,6 +571,15 @@ By the clock, on two cores:
     for size in figures["copy_ms"]:
         text += f"\n## {size}: milliseconds a frame at levels {', '.join(map(str, sorted({cell['level'] for cell in figures['cells']})))}\n\n{table(figures, size)}"
     return text
+
+
+def processor():
+    """What the machine is, as far as it says."""
+    told = subprocess.run([ROOT / "target/release/pdk", "--version"], capture_output=True, text=True, check=True).stdout
+    instructions = next(line.removeprefix("instructions: ") for line in told.splitlines() if line.startswith("instructions: "))
+    info = Path("/proc/cpuinfo")
+    model = next((line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")), None) if info.exists() else None
+    return f" ({model}, {instructions})" if model else f" ({instructions})"
 
 
 def write(figures, options):

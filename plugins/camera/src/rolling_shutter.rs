@@ -88,10 +88,11 @@ fn shift(before: &[i32], now: &[i32]) -> f64 {
 /// Writes a row that is moved to the right by a number of pixels; what comes in is the pixel at the edge.
 fn moved(from: &[u8], to: &mut [u8], pixels: f64) {
     let width = from.len() / 3;
+    let pixels = if pixels.is_nan() { 0.0 } else { pixels };
     let whole = pixels.floor();
     let right = ((pixels - whole) * SUBPIXELS).round() as u16;
     let left = SUBPIXELS as u16 - right;
-    // Pixels of the result from here on lie between two of the row, up to there; those outside show the edge.
+    // The pixels of the result from `first` to `end` lie between two of the row; the others show its edge.
     let first = (whole + 1.0).clamp(0.0, width as f64) as usize;
     let end = (whole + width as f64).clamp(first as f64, width as f64) as usize;
     let start = (first as f64 - whole) as usize;

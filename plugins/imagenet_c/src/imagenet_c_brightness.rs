@@ -38,6 +38,7 @@ mod tests {
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<Brightness>();
+        crate::allocations::on_the_first_frames_alone::<Brightness>();
     }
 
     #[test]

@@ -110,6 +110,7 @@ mod tests {
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<Fog>();
+        crate::allocations::on_the_first_frames_alone::<Fog>();
     }
 
     #[test]

@@ -138,6 +138,7 @@ mod tests {
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<Pixelate>();
+        crate::allocations::on_the_first_frames_alone::<Pixelate>();
     }
 
     #[test]

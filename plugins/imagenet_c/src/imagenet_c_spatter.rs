@@ -183,6 +183,7 @@ mod tests {
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<Spatter>();
+        crate::allocations::on_the_first_frames_alone::<Spatter>();
     }
 
     #[test]

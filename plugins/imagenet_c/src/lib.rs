@@ -12,7 +12,6 @@
 //! | [`gaussian`] | weights that smooth |
 //! | [`line`] | copies along a line, for motion blur and snow |
 //! | [`enlarge`] | the enlarged middle of an image, for zoom blur and snow |
-//! | [`hsv`] | hue, saturation and value |
 //! | [`chamfer`] | edges and distances from them, for spatter |
 //! | [`suite`] | what their descriptions share |
 
@@ -41,6 +40,9 @@ mod imagenet_c_zoom_blur;
 mod line;
 mod suite;
 
+#[cfg(test)]
+#[path = "../../allocations.rs"]
+mod allocations;
 #[cfg(test)]
 #[path = "../../golden.rs"]
 mod golden;

@@ -23,9 +23,12 @@ pub struct MadeFor {
 impl MadeFor {
     /// Notes what is wanted now; false if that is what was noted before.
     pub fn is_new(&mut self, size: [usize; 2], key: Option<Key>, numbers: &[f64]) -> bool {
-        let wanted = Self { size, key, numbers: numbers.to_vec() };
-        let is_new = *self != wanted;
-        *self = wanted;
+        let is_new = self.size != size || self.key != key || self.numbers != numbers;
+        if is_new {
+            (self.size, self.key) = (size, key);
+            self.numbers.clear();
+            self.numbers.extend_from_slice(numbers);
+        }
         is_new
     }
 }

@@ -11,25 +11,22 @@ pub fn padded(pixels: usize) -> usize {
     pixels.div_ceil(BLOCK) * BLOCK
 }
 
+#[cfg(target_arch = "x86_64")]
+use pdk_sdk::ops::processor;
 pub(crate) use pdk_sdk::ops::vectorised;
 
 /// Whether the versions for AVX2 are to be used.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn has_avx2() -> bool {
-    std::arch::is_x86_feature_detected!("avx2") && allowed() != Allowed::Portable
+    processor::has_avx2() && allowed() != Allowed::Portable
 }
 
 /// Whether the versions for AVX-512 are to be used.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn has_avx512() -> bool {
-    use std::arch::is_x86_feature_detected as has;
-    has!("avx512vbmi")
-        && has!("avx512bw")
-        && has!("avx512dq")
-        && has!("avx512vl")
-        && allowed() == Allowed::All
+    processor::has_avx512() && allowed() == Allowed::All
 }
 
 /// The versions that may be used.

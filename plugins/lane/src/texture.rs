@@ -281,10 +281,10 @@ mod tests {
             assert_eq!(anywhere(), simd::portably(anywhere));
             for (i, value) in row.into_iter().enumerate() {
                 let at = [0, 1].map(|k| start[k] + i as f32 * step[k]);
-                let [alone] = simd::portably(|| {
-                    let mut alone = [0.0; 1];
-                    texture.fill(&mut alone, (at, [0.0; 2]), scale);
-                    alone
+                let [alone, ..] = simd::portably(|| {
+                    let mut row = [0.0; 8];
+                    texture.fill(&mut row, (at, [0.0; 2]), scale);
+                    row
                 });
                 assert!((value - alone).abs() < 2e-3, "{value} {alone}");
             }

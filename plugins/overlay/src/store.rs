@@ -16,7 +16,7 @@ use pdk_sdk::serde_json::{self, Value, json};
 use twox_hash::XxHash3_64;
 
 const MARK: &[u8; 8] = b"pdkclip2";
-/// Pixels that are left out together if they are transparent, as most of most clips is.
+/// Pixels that are left out together if all of them are transparent.
 const BLOCK: usize = 64;
 /// Hash, length and mark at the end.
 const TAIL: usize = 32 + 8 + MARK.len();
@@ -159,7 +159,8 @@ impl Store {
     pub fn open(path: &Path) -> Result<Self> {
         let mut file = File::open(path)?;
         let index = read_index(&mut file)?;
-        Ok(Self { file, index, compressed: Vec::new(), packed: Vec::new() })
+        let largest = index.places.iter().map(|stored| stored.length).max().unwrap_or_default();
+        Ok(Self { file, index, compressed: Vec::with_capacity(largest as usize), packed: Vec::new() })
     }
 
     /// What is known of the frames.
@@ -246,7 +247,11 @@ fn read_index(file: &mut File) -> Result<Index> {
     if blake3::hash(&bytes).as_bytes() != hash {
         return Err(damaged());
     }
-    from_json(&serde_json::from_slice(&bytes)?).ok_or_else(damaged)
+    let index = from_json(&serde_json::from_slice(&bytes)?).ok_or_else(damaged)?;
+    // Nothing lies outside of the file, so that nothing is reserved for what is not there.
+    let inside = |at: &Stored| at.offset.checked_add(at.length).is_some_and(|end| end <= index_at);
+    let fits = index.width.checked_mul(index.height).and_then(|pixels| pixels.checked_mul(5)).is_some();
+    if fits && index.places.iter().all(inside) { Ok(index) } else { Err(damaged()) }
 }
 
 fn to_json(index: &Index) -> Value {
@@ -278,6 +283,7 @@ fn from_json(value: &Value) -> Option<Index> {
     };
     let whole = index.frames > 0
         && index.frames <= index.places.len()
+        && index.places.len() - index.frames < index.frames
         && index.coverage.len() == index.places.len()
         && (index.durations.is_empty() || index.durations.len() == index.frames);
     whole.then_some(index)
@@ -316,6 +322,33 @@ mod tests {
             assert_eq!(layer.planes(), frames[i].split_at(96));
         }
         assert!(store.read(3, &mut layer).is_err());
+    }
+
+    #[test]
+    fn an_index_that_points_out_of_the_file_is_recognised() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        written(&path);
+        let whole = std::fs::read(&path).unwrap();
+        let index = Store::open(&path).unwrap().index().clone();
+        let with = |change: &dyn Fn(&mut Index)| {
+            let (mut index, mut bytes) = (index.clone(), whole.clone());
+            change(&mut index);
+            let json = serde_json::to_vec(&to_json(&index)).unwrap();
+            bytes.extend_from_slice(&json);
+            bytes.extend_from_slice(blake3::hash(&json).as_bytes());
+            bytes.extend_from_slice(&(json.len() as u64).to_le_bytes());
+            bytes.extend_from_slice(MARK);
+            let path = folder.path().join("b");
+            std::fs::write(&path, bytes).unwrap();
+            Store::open(&path).is_ok()
+        };
+        assert!(with(&|_| ()));
+        assert!(!with(&|index| index.places[0].length = u64::MAX));
+        assert!(!with(&|index| index.places[1].length = 1 << 45));
+        assert!(!with(&|index| (index.width, index.height) = (1 << 40, 1 << 40)));
+        // More that lead from the end to the beginning than there are frames.
+        assert!(!with(&|index| (index.frames, index.durations) = (1, Vec::new())));
     }
 
     #[test]

@@ -36,5 +36,6 @@ mod tests {
         // The lowest byte is a little beyond -1.
         assert_eq!([0, 1, 128, 255].map(|at| added(100, step(of_byte(at), 16.0))), [84, 84, 100, 116]);
         assert_eq!([1, 255].map(|at| added(100, step(of_byte(at), 1.5))), [99, 101]);
+        assert_eq!((added(250, step(1.0, 16.0)), added(3, step(-1.0, 16.0))), (255, 0));
     }
 }

@@ -4,6 +4,7 @@
 
 use crate::border::reflect;
 use crate::frame::{Frame, FrameMut};
+use crate::point::truncated;
 use crate::simd::vectorised;
 
 /// What lies beyond the edges of an image.
@@ -204,11 +205,7 @@ vectorised! {
 vectorised! {
     fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (from: &[f32], to: &mut [u8]) {
         for (to, &from) in to.iter_mut().zip(from) {
-            // Unlike `clamp`, this makes a number of what is none.
-            #[allow(clippy::manual_clamp)]
-            let clipped = from.max(0.0).min(255.0);
-            // SAFETY: a number from 0 to 255 fits.
-            *to = unsafe { clipped.to_int_unchecked::<i32>() } as u8;
+            *to = truncated(from);
         }
     }
 }

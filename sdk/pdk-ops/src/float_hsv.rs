@@ -48,7 +48,7 @@ vectorised! {
             }
             for (plane, colours) in planes.iter_mut().zip(&colours) {
                 for (byte, &colour) in plane.iter_mut().zip(colours) {
-                    // SAFETY: a number from 0 to 255 fits.
+                    // SAFETY: `changed` gives numbers from 0 to 255, which fit.
                     *byte = unsafe { colour.to_int_unchecked::<i32>() } as u8;
                 }
             }
@@ -118,7 +118,9 @@ fn changed([r, g, b]: [f64; 3], change: Change) -> [f64; 3] {
     } else {
         p
     };
-    [red, green, blue].map(|channel| channel.clamp(0.0, 1.0) * 255.0)
+    // Unlike `clamp`, this makes a number of what is none.
+    #[allow(clippy::manual_clamp)]
+    [red, green, blue].map(|channel| channel.max(0.0).min(1.0) * 255.0)
 }
 
 #[cfg(test)]
@@ -188,6 +190,21 @@ mod tests {
             let src = sample.frame();
             let expected = plain(src, |x, y| plain_change(src.pixel(x, y), change));
             prop_assert_eq!(run_on(&sample, |src, dst| change_hsv(src, dst, change)), expected);
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_becomes_black() {
+        let src = crate::FrameBuf::from_vec(vec![9, 9, 9, 200, 10, 30], 2, 1).unwrap();
+        for change in [
+            Change { value_added: f64::NAN, ..Change::NONE },
+            Change { saturation_factor: f64::INFINITY, saturation_added: f64::NAN, ..Change::NONE },
+        ] {
+            let mut dst = crate::FrameBuf::new(2, 1);
+            change_hsv(src.as_ref(), dst.as_mut(), change);
+            for (from, to) in src.data().chunks(3).zip(dst.data().chunks(3)) {
+                assert_eq!(to, plain_change([from[0], from[1], from[2]], change), "{from:?} {change:?}");
+            }
         }
     }
 

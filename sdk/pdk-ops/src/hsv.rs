@@ -1,7 +1,7 @@
 //! Hue, saturation and value in 8 bits: hue in steps of two degrees, 0..=179; saturation and value 0..=255.
 //!
 //! There are two of each conversion: of a pixel, which is the standard, and of a block of pixels, which does every step with the
-//! narrowest numbers that hold it, since a vector has the more of them. Both use single-precision arithmetic on whole numbers,
+//! narrowest numbers that hold it, of which a vector has the most. Both use single-precision arithmetic on whole numbers,
 //! which is exact below 2^24.
 
 use crate::frame::{Frame, FrameMut, for_each_row};

@@ -47,6 +47,8 @@ mod planes;
 pub mod point;
 pub mod poisson;
 pub mod posterize;
+#[cfg(target_arch = "x86_64")]
+pub mod processor;
 pub mod resample;
 pub mod resize;
 pub mod sample;

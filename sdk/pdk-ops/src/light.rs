@@ -55,6 +55,11 @@ impl Light {
         self.0.stored[step(light) as usize]
     }
 
+    /// Multiplies the light of values by the same factor, stored as [`store`](Self::store) does.
+    pub fn scale(&self, from: &[u8], to: &mut [u8], factor: f32) {
+        look_up_row(from, to, &std::array::from_fn(|value| self.store(self.of(value as u8) * factor)));
+    }
+
     /// Changes the light of values, [`PIXELS`] at a time at most: `change` gets the number of the first value and the lights, which are stored as
     /// [`store`](Self::store) does.
     #[inline]
@@ -71,13 +76,6 @@ impl Light {
                 *to = self.0.stored[*step as usize];
             }
         }
-    }
-}
-
-impl Light {
-    /// Multiplies the light of values by the same factor, stored as [`store`](Self::store) does.
-    pub fn scale(&self, from: &[u8], to: &mut [u8], factor: f32) {
-        look_up_row(from, to, &std::array::from_fn(|value| self.store(self.of(value as u8) * factor)));
     }
 }
 

@@ -80,7 +80,7 @@ pub(crate) fn each_block(
             fold(bytes, &mut places);
             let normal = &mut normal[..from.len()];
             for (normal, &place) in normal.iter_mut().zip(&places) {
-                // None is larger, which the compiler does not know.
+                // Every place lies in the table; the remainder tells the compiler so.
                 *normal = table[usize::from(place) % table.len()];
             }
             unfold(bytes, normal);
@@ -192,6 +192,7 @@ mod tests {
 
     use super::*;
     use crate::frame::FrameBuf;
+    use crate::simd::with_each;
     use crate::testing::{run_on, samples};
     use pdk_seed::Key;
 
@@ -267,6 +268,19 @@ mod tests {
             let src = sample.frame().to_buf();
             prop_assert!(src.data().iter().zip(result.data()).all(|(a, b)| a == b || [0, 255].contains(b)));
         }
+    }
+
+    #[test]
+    fn rows_longer_than_a_block_match_the_plain_version() {
+        let src = FrameBuf::from_vec((0..=255).cycle().take(1500 * 3 * 2).collect(), 1500, 2).unwrap();
+        let expected = plain(src.as_ref(), &mut Key([4; 32]).frame(3), |v, z| {
+            (v + z * 0.2 * 255.0).round_ties_even().clamp(0.0, 255.0)
+        });
+        with_each(|instructions| {
+            let mut dst = FrameBuf::new(1500, 2);
+            gaussian_noise(src.as_ref(), dst.as_mut(), 0.2, &mut Key([4; 32]).frame(3));
+            assert!(dst == expected, "{instructions:?}");
+        });
     }
 
     #[test]

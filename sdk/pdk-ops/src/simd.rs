@@ -1,7 +1,10 @@
 //! One body, compiled several times: for the baseline of the target, and on x86-64 for AVX2 and, if it pays, AVX-512, chosen at run time.
 //!
 //! The bodies are ordinary Rust that the compiler vectorises. They use integers, or single floating-point
-//! operations that are never fused, so both versions give the same bytes.
+//! operations that are never fused, so all versions give the same bytes.
+
+#[cfg(target_arch = "x86_64")]
+use crate::processor;
 
 /// A set of instructions, the wider the greater.
 #[cfg(any(test, target_arch = "x86_64"))]
@@ -11,7 +14,7 @@ pub(crate) enum Instructions {
     Portable,
     /// AVX2.
     Avx2,
-    /// AVX-512 with permutations of bytes, VBMI: no processor that has these becomes slower from wide registers.
+    /// AVX-512 as [`processor::has_avx512`] means it.
     Avx512,
 }
 
@@ -31,11 +34,8 @@ pub fn instructions_in_use() -> &'static str {
 #[cfg(target_arch = "x86_64")]
 #[inline]
 pub(crate) fn instructions() -> Instructions {
-    use std::arch::is_x86_feature_detected as has;
-    let widest = match has!("avx2") {
-        true if has!("avx512vbmi") && has!("avx512bw") && has!("avx512dq") && has!("avx512vl") => {
-            Instructions::Avx512
-        }
+    let widest = match processor::has_avx2() {
+        true if processor::has_avx512() => Instructions::Avx512,
         true => Instructions::Avx2,
         false => Instructions::Portable,
     };
@@ -79,7 +79,8 @@ pub(crate) fn has_avx512() -> bool {
 /// many are held up by something else, and some are slower with wide registers.
 ///
 /// The body is ordinary Rust, so all do the same single operations in the same order, and the bytes are the same. A crate that uses the
-/// macro has a function `simd::has_avx2`, and `simd::has_avx512` for the second form, which its tests can make say no.
+/// macro has a function `simd::has_avx2`, and `simd::has_avx512` for the second form, which its tests can make false; they cannot make it
+/// use what the processor does not have.
 #[macro_export]
 #[allow(clippy::crate_in_macro_def)] // Each crate has its own switch for its tests.
 macro_rules! vectorised {
@@ -102,7 +103,7 @@ macro_rules! vectorised {
 
             $crate::wide_twin!($($avx512)? ($($argument: $type),*));
             #[cfg(target_arch = "x86_64")]
-            if crate::simd::has_avx2() {
+            if $crate::processor::has_avx2() && crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2, which is all that this version asks for.
                 return unsafe { $avx2($($argument),*) };
             }
@@ -127,7 +128,7 @@ macro_rules! wide_twin {
         }
 
         #[cfg(target_arch = "x86_64")]
-        if crate::simd::has_avx512() {
+        if $crate::processor::has_avx512() && crate::simd::has_avx512() {
             // SAFETY: the processor has all that this version asks for.
             return unsafe { $avx512($($argument),*) };
         }

@@ -5,7 +5,7 @@ use rand_chacha::rand_core::Rng;
 
 use crate::wide;
 
-/// Below this many bytes, single blocks are faster.
+/// Below this many bytes, the generator's own four blocks at a time are faster.
 const FEW: usize = 512;
 /// The bytes of a word, in which the generator counts.
 const WORD: usize = 4;
@@ -44,7 +44,7 @@ impl Random {
     fn fill_wide(&mut self, bytes: &mut [u8]) -> bool {
         let position = self.generator.get_word_pos();
         let end = position.wrapping_add(bytes.len().div_ceil(WORD) as u128);
-        let stream = wide::Stream { key: self.generator.get_seed(), number: self.generator.get_stream() };
+        let stream = wide::Stream::new(&self.generator.get_seed(), self.generator.get_stream());
         let mut block = (position / WORDS_OF_BLOCK) as u64;
         // Of the first block, what was drawn already is left out.
         let mut drawn = (position % WORDS_OF_BLOCK) as usize * WORD;
@@ -52,13 +52,13 @@ impl Random {
         while !left.is_empty() {
             match left.first_chunk_mut() {
                 Some(whole) if drawn == 0 => {
-                    if !wide::blocks(&stream, block, whole) {
+                    if !stream.blocks(block, whole) {
                         return false;
                     }
                     left = &mut left[wide::GROUP..];
                 }
                 _ => {
-                    if !wide::blocks(&stream, block, &mut group) {
+                    if !stream.blocks(block, &mut group) {
                         return false;
                     }
                     let count = left.len().min(wide::GROUP - drawn);

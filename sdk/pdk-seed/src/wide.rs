@@ -4,58 +4,46 @@
 //! computed in any order and number, and the bytes are those of [`ChaCha8Rng`](rand_chacha::ChaCha8Rng), which tests compare.
 //! Bernstein, "ChaCha, a variant of Salsa20" (2008).
 
-#![allow(unsafe_code)] // Functions for a processor's extensions are called after a look whether it has them.
-
 /// The bytes of a block.
 pub const BLOCK: usize = 64;
 /// The bytes of the blocks that are computed at a time.
 pub const GROUP: usize = 16 * BLOCK;
 
-/// What all blocks of a stream have in common.
+/// What all blocks of a stream have in common: the words that each of them starts with, but for its number at 12 and 13.
 #[derive(Debug, Clone, Copy)]
-pub struct Stream {
-    /// The key.
-    pub key: [u8; 32],
-    /// The stream's number.
-    pub number: u64,
-}
+pub struct Stream([u32; 16]);
 
 impl Stream {
-    /// The words that each block starts with, but for its number at 12 and 13.
-    #[cfg(target_arch = "x86_64")]
-    fn words(&self) -> [u32; 16] {
+    /// The stream of this number under a key.
+    pub fn new(key: &[u8; 32], number: u64) -> Self {
         let mut words =
             [0x6170_7865, 0x3320_646e, 0x7962_2d32, 0x6b20_6574, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-        for (word, bytes) in words[4..12].iter_mut().zip(self.key.as_chunks::<4>().0) {
+        for (word, bytes) in words[4..12].iter_mut().zip(key.as_chunks::<4>().0) {
             *word = u32::from_le_bytes(*bytes);
         }
-        (words[14], words[15]) = (self.number as u32, (self.number >> 32) as u32);
-        words
+        (words[14], words[15]) = (number as u32, (number >> 32) as u32);
+        Self(words)
+    }
+
+    /// Computes sixteen blocks from the one with this number on; false if there is no version for this processor.
+    #[cfg_attr(target_arch = "x86_64", allow(unsafe_code))] // The processor is asked first.
+    pub fn blocks(&self, first: u64, into: &mut [u8; GROUP]) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has AVX-512.
+            unsafe { avx512::blocks(self.0, first, into) };
+            return true;
+        } else if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            unsafe { avx2::blocks(self.0, first, into) };
+            return true;
+        }
+        let _ = (self.0, first, into);
+        false
     }
 }
 
-/// Computes sixteen blocks from the one with this number on; false if this processor has no wide registers for them.
-#[cfg(target_arch = "x86_64")]
-pub fn blocks(stream: &Stream, first: u64, into: &mut [u8; GROUP]) -> bool {
-    if is_x86_feature_detected!("avx512f") {
-        // SAFETY: the processor has AVX-512.
-        unsafe { avx512::blocks(stream.words(), first, into) };
-    } else if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        unsafe { avx2::blocks(stream.words(), first, into) };
-    } else {
-        return false;
-    }
-    true
-}
-
-/// Computes nothing: only processors of x86-64 are known to have wide registers.
-#[cfg(not(target_arch = "x86_64"))]
-pub fn blocks(_stream: &Stream, _first: u64, _into: &mut [u8; GROUP]) -> bool {
-    false
-}
-
-/// The function for registers of so many 32-bit lanes, one lane for each block.
+/// The functions for registers with a number of 32-bit lanes, one lane for each block.
 #[cfg(target_arch = "x86_64")]
 macro_rules! blocks_in_lanes {
     ($feature:literal, $lanes:literal, $register:ty, $set:ident, $load:ident, $add:ident, $xor:ident,
@@ -63,9 +51,8 @@ macro_rules! blocks_in_lanes {
         /// Computes sixteen blocks from the one with this number on.
         #[target_feature(enable = $feature)]
         pub fn blocks(words: [u32; 16], first: u64, into: &mut [u8; GROUP]) {
-            for (number, into) in (first..).step_by($lanes).zip(into.as_chunks_mut::<{ $lanes * BLOCK }>().0)
-            {
-                some(words, number, into);
+            for (part, into) in into.as_chunks_mut::<{ $lanes * BLOCK }>().0.iter_mut().enumerate() {
+                some(words, first.wrapping_add(part as u64 * $lanes), into);
             }
         }
 
@@ -124,6 +111,7 @@ macro_rules! blocks_in_lanes {
 }
 
 #[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)] // Registers are loaded and stored through pointers.
 mod avx512 {
     use std::arch::x86_64::*;
 
@@ -157,6 +145,7 @@ mod avx512 {
 }
 
 #[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)] // As above.
 mod avx2 {
     use std::arch::x86_64::*;
 
@@ -184,14 +173,14 @@ mod avx2 {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, target_arch = "x86_64"))]
+#[allow(unsafe_code)] // The processor is asked first.
 mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
     use super::*;
 
-    #[cfg(target_arch = "x86_64")]
     #[test]
     fn each_set_of_instructions_gives_the_blocks_of_the_generator() {
         let (has_avx512, has_avx2) = (is_x86_feature_detected!("avx512f"), is_x86_feature_detected!("avx2"));
@@ -199,9 +188,9 @@ mod tests {
             ([0; 32], 0, 0),
             ([7; 32], 3, 5),
             ([0xff; 32], u64::MAX, u64::from(u32::MAX) - 3),
-            (std::array::from_fn(|i| i as u8 * 11), 1 << 40, u64::MAX / 16 - 20),
+            (std::array::from_fn(|i| i as u8 * 7), 1 << 40, u64::MAX - 3),
         ] {
-            let stream = Stream { key, number };
+            let stream = Stream::new(&key, number);
             let mut generator = ChaCha8Rng::from_seed(key);
             generator.set_stream(number);
             generator.set_word_pos(u128::from(first) * 16);
@@ -210,17 +199,17 @@ mod tests {
             let mut found = [0; GROUP];
             if has_avx512 {
                 // SAFETY: the processor has AVX-512.
-                unsafe { avx512::blocks(stream.words(), first, &mut found) };
+                unsafe { avx512::blocks(stream.0, first, &mut found) };
                 assert_eq!(found, expected);
             }
             found = [0; GROUP];
             if has_avx2 {
                 // SAFETY: the processor has AVX2.
-                unsafe { avx2::blocks(stream.words(), first, &mut found) };
+                unsafe { avx2::blocks(stream.0, first, &mut found) };
                 assert_eq!(found, expected);
             }
             found = [0; GROUP];
-            assert_eq!(blocks(&stream, first, &mut found), has_avx2);
+            assert_eq!(stream.blocks(first, &mut found), has_avx2);
             assert!(!has_avx2 || found == expected);
         }
     }

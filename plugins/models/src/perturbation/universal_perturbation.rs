@@ -13,7 +13,8 @@ pub struct UniversalPerturbation {
     picture: FrameBuf,
     /// The picture in the size of the frame.
     resized: FrameBuf,
-    /// What is added to each value and what is then subtracted, of which one is 0; for the size and an epsilon.
+    /// What to add to each value and what to subtract from it, of which one is always 0; for this size and `epsilon`. Together they do what
+    /// `change::added` does, without numbers of 16 bits.
     changes: [FrameBuf; 2],
     epsilon: Option<f32>,
 }
