@@ -2,6 +2,7 @@
 //! and writes the tables from both:
 //!
 //! ```sh
+//! cargo build --release                        # the plugins, which the benchmark loads and does not build
 //! cargo bench --bench speed                    # everything, for people
 //! cargo bench --bench speed -- --only loop     # the loop alone
 //! cargo bench --bench speed -- --only contrast --sizes 320x240 --json FILE --frames FOLDER
