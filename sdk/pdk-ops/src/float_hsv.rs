@@ -4,6 +4,7 @@
 
 use crate::frame::{CHANNELS, Frame, FrameMut, for_each_row};
 use crate::planes::{BLOCK, BLOCK_BYTES, put_together, take_apart};
+use crate::point::truncated_double;
 use crate::simd::vectorised;
 
 /// What is done to saturation and value, each from 0 to 1, which are clipped to that range afterwards.
@@ -48,8 +49,7 @@ vectorised! {
             }
             for (plane, colours) in planes.iter_mut().zip(&colours) {
                 for (byte, &colour) in plane.iter_mut().zip(colours) {
-                    // SAFETY: `changed` gives numbers from 0 to 255, which fit.
-                    *byte = unsafe { colour.to_int_unchecked::<i32>() } as u8;
+                    *byte = truncated_double(colour * 255.0);
                 }
             }
             put_together(&planes, to);
@@ -57,14 +57,14 @@ vectorised! {
     }
 }
 
-/// A changed colour: from channels of 0 to 1 to those of 0 to 255.
+/// A changed colour, with channels of 0 to 1.
 #[inline(always)]
 fn changed([r, g, b]: [f64; 3], change: Change) -> [f64; 3] {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     let delta = most - least;
     let is_grey = delta == 0.0;
-    // Grey divides by 1, and what comes of it is replaced.
-    let divisor = if is_grey { 1.0 } else { delta };
+    // Grey divides 0 by 1.
+    let [spread, brightest] = if is_grey { [1.0; 2] } else { [delta, most] };
     let (offset, difference) = if b == most {
         (4.0, r - g)
     } else if g == most {
@@ -72,15 +72,14 @@ fn changed([r, g, b]: [f64; 3], change: Change) -> [f64; 3] {
     } else {
         (0.0, g - b)
     };
-    let quotient = difference / divisor;
+    let quotient = difference / spread;
     // Nothing is added to what may be a negative zero.
     let sixth = if offset == 0.0 { quotient } else { offset + quotient };
     let hue = sixth / 6.0;
     let hue = if hue < 0.0 { hue + 1.0 } else { hue };
     let hue = if is_grey { 0.0 } else { hue };
-    let saturation = if is_grey { 0.0 } else { delta / if is_grey { 1.0 } else { most } };
 
-    let saturation = (saturation * change.saturation_factor + change.saturation_added).clamp(0.0, 1.0);
+    let saturation = (delta / brightest * change.saturation_factor + change.saturation_added).clamp(0.0, 1.0);
     let value = (most + change.value_added).clamp(0.0, 1.0);
 
     let sector = (hue * 6.0).floor();
@@ -118,9 +117,7 @@ fn changed([r, g, b]: [f64; 3], change: Change) -> [f64; 3] {
     } else {
         p
     };
-    // Unlike `clamp`, this makes a number of what is none.
-    #[allow(clippy::manual_clamp)]
-    [red, green, blue].map(|channel| channel.max(0.0).min(1.0) * 255.0)
+    [red, green, blue]
 }
 
 #[cfg(test)]

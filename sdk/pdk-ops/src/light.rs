@@ -166,12 +166,14 @@ mod tests {
         let light = Light::new();
         let from: Vec<u8> = (0..=255).collect();
         for factor in [0.0, 0.3, 1.0, 1.7, f32::NAN] {
-            let (mut scaled, mut changed) = ([0; 256], [0; 256]);
-            light.scale(&from, &mut scaled, factor);
-            light.change(&from, &mut changed, |_, lights| {
-                lights.iter_mut().for_each(|light| *light *= factor)
+            with_each(|instructions| {
+                let (mut scaled, mut changed) = ([0; 256], [0; 256]);
+                light.scale(&from, &mut scaled, factor);
+                light.change(&from, &mut changed, |_, lights| {
+                    lights.iter_mut().for_each(|light| *light *= factor)
+                });
+                assert_eq!(scaled, changed, "{factor} {instructions:?}");
             });
-            assert_eq!(scaled, changed, "{factor}");
         }
     }
 

@@ -60,7 +60,7 @@ fn overlay_value(src: u8, colour: u8, alpha: u8, weight: u16) -> u8 {
 
 vectorised! {
     /// A mixture of two pictures with alpha, byte by byte: `weight` 256ths of the second, at most 256, rounded down, so that no colour comes to
-    /// exceed its alpha. All three are as long.
+    /// exceed its alpha. All three have the same length.
     pub fn mix / mix_avx2 / mix_avx512 (first: &[u8], second: &[u8], weight: u16, mixed: &mut [u8]) {
         let weight = weight.min(256);
         for ((mixed, &first), &second) in mixed.iter_mut().zip(first).zip(second) {

@@ -37,12 +37,7 @@ pub fn scale_in_place(values: &mut [u8], factor: f64) {
 vectorised! {
     fn fill_table / fill_table_avx2 (table: &mut [u8; 256], factor: f64) {
         for (value, entry) in table.iter_mut().enumerate() {
-            let scaled = f64::from(value as u32) * factor + 0.5;
-            // Unlike `clamp`, this makes a number of what is none.
-            #[allow(clippy::manual_clamp)]
-            let clipped = scaled.max(0.0).min(255.0);
-            // SAFETY: a number from 0 to 255 fits.
-            *entry = (unsafe { clipped.to_int_unchecked::<i32>() }) as u8;
+            *entry = truncated_double(f64::from(value as u32) * factor + 0.5);
         }
     }
 }
@@ -54,6 +49,15 @@ vectorised! {
 pub fn truncated(value: f32) -> u8 {
     let clipped = value.max(0.0).min(255.0);
     // SAFETY: a number from 0 to 255 fits. The checked conversion would double the time of whole kernels.
+    (unsafe { clipped.to_int_unchecked::<i32>() }) as u8
+}
+
+/// As [`truncated`], in double precision.
+#[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
+#[inline(always)]
+pub(crate) fn truncated_double(value: f64) -> u8 {
+    let clipped = value.max(0.0).min(255.0);
+    // SAFETY: a number from 0 to 255 fits.
     (unsafe { clipped.to_int_unchecked::<i32>() }) as u8
 }
 
@@ -70,6 +74,7 @@ mod tests {
         for value in [f32::NAN, f32::NEG_INFINITY, -0.5, 0.0, 0.99, 1.0, 254.999, 255.0, 300.0, f32::INFINITY]
         {
             assert_eq!(truncated(value), value as u8, "{value}");
+            assert_eq!(truncated_double(f64::from(value)), value as u8, "{value}");
         }
     }
 
