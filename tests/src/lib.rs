@@ -12,6 +12,7 @@ pub mod installation;
 pub mod onnx;
 pub mod pictures;
 pub mod pixels;
+pub mod planted;
 pub mod process;
 pub mod processes;
 pub mod random;

@@ -15,7 +15,7 @@ use crate::site::Site;
 use crate::tensor::{Element, Tensor};
 
 /// The versions of ONNX's operator set whose operators have the rules that are built in.
-pub const OPSETS: std::ops::RangeInclusive<i64> = 7..=22;
+pub const OPSETS: std::ops::RangeInclusive<i64> = 7..=25;
 
 /// One number that a graph computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

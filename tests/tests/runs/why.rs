@@ -3,12 +3,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use pdk_tests::planted::{self, Cause};
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, temp};
 use serde_json::{Value, json};
 
-/// A failure that needs one of two perturbations, a drive without any, one that fails without any, one that is limited, and a failure that comes later without the
-/// perturbation that it does not need.
+/// A failure that needs one of two perturbations, a drive without any, one that fails without any, one that is limited, a failure that comes later without the
+/// perturbation that it does not need, and one of a drive that would not end in time without any.
 const SOURCE: &str = r#"
     local road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }
     local simulator = { name = "lane", width = 64, height = 48, rate = 10 }
@@ -17,7 +18,8 @@ const SOURCE: &str = r#"
     pdk.drive({ simulator = simulator, driver = "lane_keeper", duration = 1, images_every = 0,
         scenarios = { { road = road, perturbations = { "gaussian_noise@0" } },
             { road = road, perturbations = { { name = "translate_image", level = 4, during = { from = 1 } } } },
-            { duration = 20, road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }, perturbations = { "rotate_image@4", "gaussian_noise@4" } } } })
+            { duration = 20, road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }, perturbations = { "rotate_image@4", "gaussian_noise@4" } },
+            { duration = 6, road = road, perturbations = { "translate_image@4" } } } })
 "#;
 
 fn record(folder: &Path) -> PathBuf {
@@ -121,5 +123,28 @@ fn what_has_no_cause_in_a_perturbation_is_reported() {
     ask("1").fail(1, &["was a success, so there is no failure to explain"]);
     ask("2").fail(1, &["without perturbations scenario", "ends with time", "so they are not the cause"]);
     ask("3").fail(1, &["is limited by `during` already"]);
+    ask("5").fail(
+        1,
+        &[
+            "ends with time-out at 6.00 s, so there is no drive that passes",
+            "drive it again with a longer `duration`",
+        ],
+    );
     ask("9").fail(1, &["holds no scenario 9"]);
+}
+
+/// `cargo bench --bench causes` does the same with two hundred.
+#[test]
+fn a_planted_cause_is_found() {
+    let folder = temp();
+    let causes = Cause::drawn(3, 1, [0.25, 0.75]);
+    let record = planted::record(folder.path(), &causes);
+    for (number, cause) in causes.iter().enumerate() {
+        let found = planted::why(&record, folder.path(), number);
+        let [sufficient, necessary] = ["sufficient", "necessary"].map(|what| Cause::found(&found[what]));
+        assert_eq!(sufficient.frames, cause.frames, "{cause:?} {found}");
+        assert!(sufficient.overlap(cause) > 0.9, "{cause:?} {found}");
+        // All of the cause has to be black, so the least of it is needed.
+        assert!(necessary.is_a_cell() && necessary.meets(cause), "{cause:?} {found}");
+    }
 }

@@ -21,6 +21,9 @@ pub struct Block {
 /// A side of a block: its axis, and whether it is the first of the two.
 pub type Side = (usize, bool);
 
+/// Says for each block whether something holds for it.
+pub type Holds<'a> = dyn FnMut(&[Block]) -> Result<Vec<bool>> + 'a;
+
 /// The first and the last frame, which move before the sides of the box.
 pub const OF_TIME: &[Side] = &[(0, true), (0, false)];
 
@@ -66,37 +69,58 @@ impl Block {
 }
 
 /// Moves these sides of a block, for which something holds, inwards as long as it does. What comes out holds, and does not if any one of its sides is
-/// one step further in. `holds` is asked about blocks that do not depend on each other at the same time.
+/// one step further in. So if whatever holds for a block holds for all blocks around it, what comes out contains no smaller block for which it holds.
+/// `holds` is asked about blocks that do not depend on each other at the same time.
 ///
 /// # Errors
 /// If `holds` fails.
-pub fn smallest(
-    mut block: Block,
-    sides: &[Side],
-    holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
-) -> Result<Block> {
+pub fn smallest(mut block: Block, sides: &[Side], holds: &mut Holds<'_>) -> Result<Block> {
     for side in sides {
-        block = moved_in(block, *side, 0, holds)?;
+        let length = block.axis(side.0).len() as u32;
+        block = moved_in(block, *side, 0, length, holds)?;
     }
-    // What was needed when another side had not moved may not be any more.
-    loop {
-        let steps: Vec<_> = sides.iter().filter_map(|&side| Some((side, block.moved(side, 1)?))).collect();
-        let blocks: Vec<Block> = steps.iter().map(|(_, block)| block.clone()).collect();
-        let held = holds(&blocks)?;
-        let Some(place) = held.iter().position(|holds| *holds) else { return Ok(block) };
-        block = moved_in(block, steps[place].0, 1, holds)?;
+    // What was needed when another side had not moved may not be any more. Two sides are tried at a time: more would be in vain if one of the first can move.
+    let (mut next, mut stuck) = (0, 0);
+    while stuck < sides.len() {
+        let tried: Vec<Side> =
+            (stuck..sides.len()).take(2).map(|by| sides[(next + by - stuck) % sides.len()]).collect();
+        let blocks: Vec<Option<Block>> = tried.iter().map(|side| block.moved(*side, 1)).collect();
+        let possible: Vec<Block> = blocks.iter().flatten().cloned().collect();
+        let mut held = holds(&possible)?.into_iter();
+        for (side, moved) in tried.into_iter().zip(blocks) {
+            next = (next + 1) % sides.len();
+            stuck += 1;
+            if moved.is_some() && held.next() == Some(true) {
+                block = further_in(block, side, holds)?;
+                stuck = 1;
+                break;
+            }
+        }
     }
+    Ok(block)
 }
 
-/// Moves one side as far as a search by halves finds; `known` steps are known to be possible.
+/// Moves one side in that can move by one step, by twice as many each time, and then as far as a search by halves finds.
+fn further_in(block: Block, side: Side, holds: &mut Holds<'_>) -> Result<Block> {
+    let length = block.axis(side.0).len() as u32;
+    let mut possible = 1;
+    while let Some(smaller) = block.moved(side, 2 * possible) {
+        if holds(&[smaller])?.first() != Some(&true) {
+            break;
+        }
+        possible *= 2;
+    }
+    moved_in(block, side, possible, length.min(2 * possible), holds)
+}
+
+/// Moves one side in, as far as a search by halves finds. It can move by `possible` steps, and not by `not`.
 fn moved_in(
     block: Block,
     side: Side,
-    known: u32,
-    holds: &mut dyn FnMut(&[Block]) -> Result<Vec<bool>>,
+    mut possible: u32,
+    mut not: u32,
+    holds: &mut Holds<'_>,
 ) -> Result<Block> {
-    let length = block.axis(side.0).len() as u32;
-    let (mut possible, mut not) = (known, length);
     while not - possible > 1 {
         let middle = possible + (not - possible) / 2;
         let Some(smaller) = block.moved(side, middle) else { break };
@@ -173,6 +197,69 @@ mod tests {
                 assert!(!found.moved(*side, 1).is_some_and(|smaller| holds(&smaller)), "{cause:?} {found:?}");
             }
             assert!(overlap(&found, &cause) >= 0.9, "{cause:?} {found:?}");
+        }
+    }
+
+    #[test]
+    fn of_two_causes_one_suffices_and_a_part_of_both_is_needed() {
+        let all: Vec<Block> = causes().collect();
+        for two in all.chunks_exact(2) {
+            let fails = |block: &Block| two.iter().any(|cause| block.contains(cause));
+            let found =
+                smallest(Block::whole(400), SIDES, &mut |blocks| Ok(blocks.iter().map(fails).collect()))
+                    .unwrap();
+            assert!(two.contains(&found), "{two:?} {found:?}");
+            // With all but this part perturbed, neither is whole.
+            let passes = |block: &Block| two.iter().all(|cause| overlap(block, cause) > 0.0);
+            let found =
+                smallest(Block::whole(400), SIDES, &mut |blocks| Ok(blocks.iter().map(passes).collect()))
+                    .unwrap();
+            assert!(passes(&found));
+        }
+    }
+
+    /// Each cell of a small drive has a weight of 0 to 3, and blocks hold from some sum on.
+    #[test]
+    fn no_smaller_block_within_holds_by_trying_all_of_them() {
+        const FRAMES: u32 = 5;
+        const CELLS: u32 = 4;
+        let whole = Block { frames: 0..FRAMES, columns: 0..CELLS, rows: 0..CELLS };
+        let mut state = 1u64;
+        for _ in 0..100 {
+            let weights: Vec<u64> = (0..size(&whole))
+                .map(|_| {
+                    state =
+                        state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 33) % 4
+                })
+                .collect();
+            let sum = |block: &Block| -> u64 {
+                let cells = block.frames.clone().flat_map(|frame| {
+                    let rows = block.rows.clone();
+                    rows.flat_map(move |row| block.columns.clone().map(move |column| (frame, row, column)))
+                });
+                cells
+                    .map(|(frame, row, column)| weights[((frame * CELLS + row) * CELLS + column) as usize])
+                    .sum()
+            };
+            let least = sum(&whole) / 3;
+            let holds = |block: &Block| sum(block) >= least;
+            let found =
+                smallest(whole.clone(), SIDES, &mut |blocks| Ok(blocks.iter().map(holds).collect())).unwrap();
+            assert!(holds(&found));
+            let within = |range: &Range<u32>| -> Vec<Range<u32>> {
+                let starts =
+                    range.clone().flat_map(|start| (start + 1..=range.end).map(move |end| start..end));
+                starts.collect()
+            };
+            for frames in within(&found.frames) {
+                for columns in within(&found.columns) {
+                    for rows in within(&found.rows) {
+                        let smaller = Block { frames: frames.clone(), columns: columns.clone(), rows };
+                        assert!(smaller == found || !holds(&smaller), "{smaller:?} in {found:?}");
+                    }
+                }
+            }
         }
     }
 

@@ -74,13 +74,7 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
     drives::check_same_cause(line, &again)?;
     let raw = Scenario { perturbations: Vec::new(), ..scenario.clone() };
     let raw = search.drive(&[raw])?.remove(0);
-    if !raw.success {
-        return Err(Error::new(format!(
-            "without perturbations scenario {id} ends with {} at {:.2} s, so they are not the cause",
-            raw.cause.text(),
-            raw.time
-        )));
-    }
+    check_passed(line, &raw)?;
     let (scenario, not_needed) = search.needed(scenario)?;
     // What is left may fail later than all together.
     let failed = search.drive(std::slice::from_ref(&scenario))?.remove(0);
@@ -128,6 +122,24 @@ pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result
         )));
     }
     Ok(Why { not_needed, sufficient, necessary, within, interval, probes: search.probes })
+}
+
+/// Checks that the drive without perturbations reaches its end.
+fn check_passed(line: &Line, raw: &Outcome) -> Result<()> {
+    let Line { id, outcome, .. } = line;
+    if raw.success {
+        return Ok(());
+    }
+    let ends =
+        format!("without perturbations scenario {id} ends with {} at {:.2} s", raw.cause.text(), raw.time);
+    let remedy = match raw.cause {
+        cause if cause == outcome.cause => {
+            return Err(Error::new(format!("{ends}, so they are not the cause")));
+        }
+        Cause::TimeOut => "drive it again with a longer `duration`",
+        _ => "name a scenario that passes without perturbations",
+    };
+    Err(Error::new(format!("{ends}, so there is no drive that passes to prove a cause by; {remedy}")))
 }
 
 /// A part in seconds and shares of the frame.

@@ -26,7 +26,7 @@ use crate::tensor::Tensor;
 const STEP: f64 = 1e-6;
 
 /// Versions of the operator set at which something changed.
-pub const OPSETS: [i64; 12] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21, 22];
+pub const OPSETS: [i64; 15] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21, 22, 23, 24, 25];
 
 /// Numbers that look random and are always the same, from -1 to 1.
 pub fn numbers(seed: u64, count: usize) -> Vec<f64> {
