@@ -5,6 +5,7 @@ use std::path::Path;
 
 use image::{ImageBuffer, Rgb, RgbImage, imageops};
 use pdk_loop::protocol::Driven;
+use pdk_model::during::During;
 use pdk_model::outcome::Outcome;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_preview::text::{LINE_HEIGHT, draw_in};
@@ -30,6 +31,8 @@ pub const MARGIN: u32 = 12;
 const HEADER: u32 = LINE_HEIGHT + 8;
 /// Thickness of the mark around the frames of a failure.
 const MARK: u32 = 6;
+/// Thickness of the outline of a box that a perturbation is limited to.
+const OUTLINE: u32 = 2;
 /// Seconds before its end in which a failure is marked.
 pub const MARKED_SECONDS: f64 = 1.0;
 /// Seconds for which the last frame of a failure stays.
@@ -39,6 +42,10 @@ pub const HELD_SECONDS: f64 = 1.0;
 pub const BACKGROUND: Rgb<u8> = Rgb([24, 26, 30]);
 /// Of texts.
 pub const INK: Rgb<u8> = Rgb([228, 231, 235]);
+/// Of the outline of a box that is perturbed, and of one that is left out.
+const PERTURBED: Rgb<u8> = Rgb([255, 176, 32]);
+/// See [`PERTURBED`].
+const LEFT_OUT: Rgb<u8> = Rgb([64, 196, 255]);
 /// Of what failed.
 pub const FAILURE: Rgb<u8> = Rgb([214, 48, 49]);
 const WHITE: Rgb<u8> = Rgb([255; 3]);
@@ -251,6 +258,9 @@ impl Film {
         for (panel, frame) in (0..self.layout.panels).zip(pictures) {
             self.layout.show(picture, self.layout.left(panel), frame.as_ref());
         }
+        for (area, color) in boxes(&self.perturbations, state.time) {
+            (0..2).for_each(|panel| self.layout.outline(picture, panel, area, color));
+        }
         let (left, right) = (self.layout.left(0), self.layout.left(1));
         draw_in(picture, right, 4, &seen, INK);
         draw_in(picture, left, self.layout.text(), &self.title, INK);
@@ -298,7 +308,11 @@ impl Film {
 
     /// What stands above the perturbed frame: the perturbations with their intensities at this time.
     fn seen(&self, time: f64) -> String {
-        let perturbation = |applied: &AppliedPerturbation| match applied.level.at(time) {
+        let level = |applied: &AppliedPerturbation| match applied.during {
+            Some(during) if !during.span.contains(time) => None,
+            _ => applied.level.at(time),
+        };
+        let perturbation = |applied: &AppliedPerturbation| match level(applied) {
             // Intensities that change do so by small steps.
             Some(level) if applied.level.constant().is_none() => format!("{}@{level:.2}", applied.name),
             Some(level) => format!("{}@{level}", applied.name),
@@ -356,6 +370,20 @@ impl Layout {
         fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
     }
 
+    /// Outlines a box in shares of a frame.
+    fn outline(&self, picture: &mut RgbImage, panel: u32, area: [f64; 4], color: Rgb<u8>) {
+        let (width, height) = self.shown;
+        let place = |share: f64, all: u32| (share * f64::from(all)).round() as u32;
+        let [left, right] = [area[0], area[2]].map(|share| place(share, width));
+        let [top, bottom] = [area[1], area[3]].map(|share| place(share, height));
+        let (across, down) = ((right - left).max(OUTLINE), (bottom - top).max(OUTLINE));
+        let (x, y) = (self.left(panel) + left.min(width - across), HEADER + top.min(height - down));
+        fill(picture, [x, y], [across, OUTLINE], color);
+        fill(picture, [x, y + down - OUTLINE], [across, OUTLINE], color);
+        fill(picture, [x, y], [OUTLINE, down], color);
+        fill(picture, [x + across - OUTLINE, y], [OUTLINE, down], color);
+    }
+
     /// Writes at the lower edge of a frame how it ends.
     pub fn tell(&self, picture: &mut RgbImage, panel: u32, text: &str, color: Rgb<u8>) {
         let (width, height) = self.shown;
@@ -363,6 +391,18 @@ impl Layout {
         fill(picture, [self.left(panel), bottom], [width, LINE_HEIGHT + 4], color);
         draw_in(picture, self.left(panel) + MARGIN, bottom + 2, text, WHITE);
     }
+}
+
+/// The boxes that perturbations are limited to at this time, and those that are left out, with the colours of their outlines.
+fn boxes(perturbations: &[AppliedPerturbation], time: f64) -> Vec<([f64; 4], Rgb<u8>)> {
+    let mut boxes = Vec::new();
+    for During { span, except } in perturbations.iter().filter_map(|applied| applied.during) {
+        for (span, color) in [(Some(span), PERTURBED), (except, LEFT_OUT)] {
+            let area = span.filter(|span| span.contains(time)).and_then(|span| span.area);
+            boxes.extend(area.map(|area| (area, color)).filter(|found| !boxes.contains(found)));
+        }
+    }
+    boxes
 }
 
 /// What the mark says this many seconds before a failure, such as "lane departure in 0.8 s"; the cause alone once it has happened.
@@ -483,6 +523,37 @@ mod tests {
         let seen = watch(&video);
         assert_eq!(seen.len(), 11);
         assert!(seen.iter().all(|(marked, _)| !marked));
+    }
+
+    #[test]
+    fn boxes_are_outlined_while_they_count() {
+        let during = serde_json::json!({
+            "from": 1, "to": 3, "box": [0.25, 0.5, 0.75, 1.0], "except": { "from": 2, "to": 4, "box": [0.5, 0.5, 0.5625, 0.625] },
+        });
+        let applied: AppliedPerturbation =
+            serde_json::from_value(serde_json::json!({ "name": "fog_filter", "level": 2, "during": during }))
+                .unwrap();
+        let applied = [applied.clone(), applied];
+        let (perturbed, left_out) =
+            (([0.25, 0.5, 0.75, 1.0], PERTURBED), ([0.5, 0.5, 0.5625, 0.625], LEFT_OUT));
+        assert_eq!(boxes(&applied, 0.5), []);
+        assert_eq!(boxes(&applied, 1.0), [perturbed]);
+        assert_eq!(boxes(&applied, 2.5), [perturbed, left_out]);
+        assert_eq!(boxes(&applied, 3.5), [left_out]);
+        let layout = Layout::new(64, 48, 2);
+        let mut picture = RgbImage::from_pixel(layout.size.0, layout.size.1, BACKGROUND);
+        layout.outline(&mut picture, 1, perturbed.0, PERTURBED);
+        let (width, height) = layout.shown;
+        let (left, top) = (layout.left(1) + width / 4, HEADER + height / 2);
+        for (x, y) in [(0, 0), (1, 40), (width / 2 - 1, height / 2 - 1), (40, height / 2 - 2)] {
+            assert_eq!(*picture.get_pixel(left + x, top + y), PERTURBED);
+        }
+        for (x, y) in [(2, 2), (width / 2 - 3, 40), (width / 2, 0)] {
+            assert_eq!(*picture.get_pixel(left + x, top + y), BACKGROUND);
+        }
+        // One that is as thin as can be, at the edge.
+        layout.outline(&mut picture, 0, [0.999, 0.999, 1.0, 1.0], PERTURBED);
+        assert_eq!(*picture.get_pixel(layout.left(0) + width - 1, HEADER + height - 1), PERTURBED);
     }
 
     #[test]
