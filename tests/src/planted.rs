@@ -16,7 +16,7 @@ const WIDTH: u32 = 160;
 /// See [`WIDTH`].
 const HEIGHT: u32 = 120;
 
-/// Causes lie in so many frames at the beginning of drives that take about a hundred if they do not fail.
+/// Causes lie in the first frames of drives that take about a hundred if they do not fail: in this many.
 const FRAMES: u32 = 60;
 
 /// The part of a drive that has to be black.
