@@ -1,4 +1,4 @@
--- Frames on which maps.py compares saliency methods: one of each of many roads, after five seconds in which the simulator's own autopilot swings about
+-- Frames on which maps.py compares saliency methods: one of each of many roads, all but the first after five seconds in which the simulator's own autopilot swings about
 -- the middle of the lane, in three lights. The record has an image of the first drive and three of each other one, so that every third image
 -- is the last one of a drive.
 --

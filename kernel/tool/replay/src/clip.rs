@@ -309,7 +309,7 @@ impl Film {
     /// What stands above the perturbed frame: the perturbations with their intensities at this time.
     fn seen(&self, time: f64) -> String {
         let level = |applied: &AppliedPerturbation| match applied.during {
-            Some(during) if !during.span.contains(time) => None,
+            Some(during) if !applies(&during, time) => None,
             _ => applied.level.at(time),
         };
         let perturbation = |applied: &AppliedPerturbation| match level(applied) {
@@ -393,10 +393,17 @@ impl Layout {
     }
 }
 
+/// Whether a perturbation that is limited to this applies to a part of the frame at this time.
+fn applies(during: &During, time: f64) -> bool {
+    let off = during.except.is_some_and(|except| except.area.is_none() && except.contains(time));
+    during.span.contains(time) && !off
+}
+
 /// The boxes that perturbations are limited to at this time, and those that are left out, with the colours of their outlines.
 fn boxes(perturbations: &[AppliedPerturbation], time: f64) -> Vec<([f64; 4], Rgb<u8>)> {
     let mut boxes = Vec::new();
-    for During { span, except } in perturbations.iter().filter_map(|applied| applied.during) {
+    let during = perturbations.iter().filter_map(|applied| applied.during);
+    for During { span, except } in during.filter(|during| applies(during, time)) {
         for (span, color) in [(Some(span), PERTURBED), (except, LEFT_OUT)] {
             let area = span.filter(|span| span.contains(time)).and_then(|span| span.area);
             boxes.extend(area.map(|area| (area, color)).filter(|found| !boxes.contains(found)));
@@ -539,7 +546,7 @@ mod tests {
         assert_eq!(boxes(&applied, 0.5), []);
         assert_eq!(boxes(&applied, 1.0), [perturbed]);
         assert_eq!(boxes(&applied, 2.5), [perturbed, left_out]);
-        assert_eq!(boxes(&applied, 3.5), [left_out]);
+        assert_eq!(boxes(&applied, 3.5), []);
         let layout = Layout::new(64, 48, 2);
         let mut picture = RgbImage::from_pixel(layout.size.0, layout.size.1, BACKGROUND);
         layout.outline(&mut picture, 1, perturbed.0, PERTURBED);

@@ -69,7 +69,7 @@ impl Block {
 }
 
 /// Moves these sides of a block, for which something holds, inwards as long as it does. What comes out holds, and does not if any one of its sides is
-/// one step further in. So if whatever holds for a block holds for all blocks around it, what comes out contains no smaller block for which it holds.
+/// one step further in. If a block holds whenever a block within it does, the result contains no smaller block that holds.
 /// `holds` is asked about blocks that do not depend on each other at the same time.
 ///
 /// # Errors
@@ -113,7 +113,7 @@ fn further_in(block: Block, side: Side, holds: &mut Holds<'_>) -> Result<Block> 
     moved_in(block, side, possible, length.min(2 * possible), holds)
 }
 
-/// Moves one side in, as far as a search by halves finds. It can move by `possible` steps, and not by `not`.
+/// Moves one side in, as far as a search by halves finds. It can move by `possible` steps; `not` steps were tried in vain, or leave nothing.
 fn moved_in(
     block: Block,
     side: Side,
@@ -215,6 +215,9 @@ mod tests {
                 smallest(Block::whole(400), SIDES, &mut |blocks| Ok(blocks.iter().map(passes).collect()))
                     .unwrap();
             assert!(passes(&found));
+            for side in SIDES {
+                assert!(!found.moved(*side, 1).is_some_and(|smaller| passes(&smaller)), "{two:?} {found:?}");
+            }
         }
     }
 

@@ -58,7 +58,7 @@ pub(super) fn weigh(mut sketch: Sketch, name: &str) -> ModelProto {
     sketch.model(&["target"])
 }
 
-const ALL: RangeInclusive<i64> = 7..=22;
+const ALL: RangeInclusive<i64> = 7..=25;
 const IMAGE: &[usize] = &[1, 2, 5, 6];
 const WIDE: (f64, f64) = (-4.0, 4.0);
 const UNIT: (f64, f64) = (-1.0, 1.0);
@@ -348,14 +348,14 @@ pub const CASES: &[Case] = &[
         s.node("Pow", &["x", &two], "y", &[]);
     }),
     case("pow/scalar_right", ALL, &[1], POSITIVE, |s| left(s, "Pow", &[2, 3], 0.5, 2.0)),
-    case("sum", 8..=22, IMAGE, UNIT, |s| several(s, "Sum")),
-    case("max", 8..=22, IMAGE, UNIT, |s| right(s, "Max", &[2, 1, 1], -1.0, 1.0)),
-    case("max/several", 8..=22, IMAGE, UNIT, |s| several(s, "Max")),
+    case("sum", 8..=25, IMAGE, UNIT, |s| several(s, "Sum")),
+    case("max", 8..=25, IMAGE, UNIT, |s| right(s, "Max", &[2, 1, 1], -1.0, 1.0)),
+    case("max/several", 8..=25, IMAGE, UNIT, |s| several(s, "Max")),
     case("max/same", ALL, IMAGE, UNIT, |s| s.node("Max", &["x", "x"], "y", &[])),
-    case("min", 8..=22, IMAGE, UNIT, |s| right(s, "Min", &[2, 1, 1], -1.0, 1.0)),
-    case("min/several", 8..=22, IMAGE, UNIT, |s| several(s, "Min")),
+    case("min", 8..=25, IMAGE, UNIT, |s| right(s, "Min", &[2, 1, 1], -1.0, 1.0)),
+    case("min/several", 8..=25, IMAGE, UNIT, |s| several(s, "Min")),
     case("min/same", ALL, IMAGE, UNIT, |s| s.node("Min", &["x", "x"], "y", &[])),
-    case("mean", 8..=22, IMAGE, UNIT, |s| several(s, "Mean")),
+    case("mean", 8..=25, IMAGE, UNIT, |s| several(s, "Mean")),
     case("sqrt", ALL, IMAGE, POSITIVE, |s| unary(s, "Sqrt")),
     case("neg", ALL, IMAGE, UNIT, |s| unary(s, "Neg")),
     case("abs", ALL, IMAGE, UNIT, |s| unary(s, "Abs")),
@@ -363,7 +363,7 @@ pub const CASES: &[Case] = &[
     case("log", ALL, IMAGE, POSITIVE, |s| unary(s, "Log")),
     case("tanh", ALL, IMAGE, UNIT, |s| unary(s, "Tanh")),
     case("sigmoid", ALL, IMAGE, WIDE, |s| unary(s, "Sigmoid")),
-    case("erf", 9..=22, IMAGE, UNIT, |s| unary(s, "Erf")),
+    case("erf", 9..=25, IMAGE, UNIT, |s| unary(s, "Erf")),
     case("reciprocal", ALL, IMAGE, POSITIVE, |s| unary(s, "Reciprocal")),
     case("sin", ALL, IMAGE, WIDE, |s| unary(s, "Sin")),
     case("cos", ALL, IMAGE, WIDE, |s| unary(s, "Cos")),
@@ -371,16 +371,16 @@ pub const CASES: &[Case] = &[
     case("asin", ALL, IMAGE, INSIDE, |s| unary(s, "Asin")),
     case("acos", ALL, IMAGE, INSIDE, |s| unary(s, "Acos")),
     case("atan", ALL, IMAGE, WIDE, |s| unary(s, "Atan")),
-    case("sinh", 9..=22, IMAGE, UNIT, |s| unary(s, "Sinh")),
-    case("cosh", 9..=22, IMAGE, UNIT, |s| unary(s, "Cosh")),
-    case("asinh", 9..=22, IMAGE, WIDE, |s| unary(s, "Asinh")),
-    case("acosh", 9..=22, IMAGE, (1.25, 4.0), |s| unary(s, "Acosh")),
-    case("atanh", 9..=22, IMAGE, INSIDE, |s| unary(s, "Atanh")),
+    case("sinh", 9..=25, IMAGE, UNIT, |s| unary(s, "Sinh")),
+    case("cosh", 9..=25, IMAGE, UNIT, |s| unary(s, "Cosh")),
+    case("asinh", 9..=25, IMAGE, WIDE, |s| unary(s, "Asinh")),
+    case("acosh", 9..=25, IMAGE, (1.25, 4.0), |s| unary(s, "Acosh")),
+    case("atanh", 9..=25, IMAGE, INSIDE, |s| unary(s, "Atanh")),
     case("relu", ALL, IMAGE, UNIT, |s| unary(s, "Relu")),
     case("leaky_relu", ALL, IMAGE, UNIT, |s| s.node("LeakyRelu", &["x"], "y", &[("alpha", Float(0.25))])),
     case("elu", ALL, IMAGE, UNIT, |s| s.node("Elu", &["x"], "y", &[("alpha", Float(0.75))])),
     case("hard_sigmoid", ALL, IMAGE, WIDE, |s| s.node("HardSigmoid", &["x"], "y", &[("alpha", Float(0.25))])),
-    case("hard_swish", 14..=22, IMAGE, WIDE, |s| unary(s, "HardSwish")),
+    case("hard_swish", 14..=25, IMAGE, WIDE, |s| unary(s, "HardSwish")),
     case("softplus", ALL, IMAGE, WIDE, |s| unary(s, "Softplus")),
     case("clip", ALL, IMAGE, UNIT, |s| clip(s, Some(-0.5), Some(0.25))),
     case("clip/low", ALL, IMAGE, UNIT, |s| clip(s, Some(-0.5), None)),
@@ -390,17 +390,17 @@ pub const CASES: &[Case] = &[
     case("prelu/channels", ALL, IMAGE, UNIT, |s| right(s, "PRelu", &[2, 1, 1], 0.1, 0.9)),
     case("prelu/slope", ALL, &[2, 1, 1], UNIT, |s| left(s, "PRelu", &[2, 5, 6], -1.0, 1.0)),
     case("selu", ALL, IMAGE, UNIT, |s| s.node("Selu", &["x"], "y", &[("gamma", Float(1.25))])),
-    case("celu", 12..=22, IMAGE, UNIT, |s| s.node("Celu", &["x"], "y", &[("alpha", Float(0.75))])),
-    case("thresholded_relu", 10..=22, IMAGE, UNIT, |s| {
+    case("celu", 12..=25, IMAGE, UNIT, |s| s.node("Celu", &["x"], "y", &[("alpha", Float(0.75))])),
+    case("thresholded_relu", 10..=25, IMAGE, UNIT, |s| {
         s.node("ThresholdedRelu", &["x"], "y", &[("alpha", Float(0.25))])
     }),
-    case("shrink", 9..=22, IMAGE, UNIT, |s| {
+    case("shrink", 9..=25, IMAGE, UNIT, |s| {
         s.node("Shrink", &["x"], "y", &[("lambd", Float(0.25)), ("bias", Float(0.125))])
     }),
-    case("mish", 18..=22, IMAGE, WIDE, |s| unary(s, "Mish")),
+    case("mish", 18..=25, IMAGE, WIDE, |s| unary(s, "Mish")),
     case("softsign", ALL, IMAGE, WIDE, |s| unary(s, "Softsign")),
-    case("gelu", 20..=22, IMAGE, WIDE, |s| unary(s, "Gelu")),
-    case("gelu/tanh", 20..=22, IMAGE, WIDE, |s| {
+    case("gelu", 20..=25, IMAGE, WIDE, |s| unary(s, "Gelu")),
+    case("gelu/tanh", 20..=25, IMAGE, WIDE, |s| {
         s.node("Gelu", &["x"], "y", &[("approximate", Text("tanh"))])
     }),
     case("max_pool", ALL, IMAGE, UNIT, |s| {
@@ -414,7 +414,7 @@ pub const CASES: &[Case] = &[
             &[("kernel_shape", Ints(&[3, 3])), ("strides", Ints(&[2, 2])), ("pads", Ints(&[1, 1, 1, 1]))],
         )
     }),
-    case("max_pool/ceil", 10..=22, IMAGE, UNIT, |s| {
+    case("max_pool/ceil", 10..=25, IMAGE, UNIT, |s| {
         pool(
             s,
             "MaxPool",
@@ -424,7 +424,7 @@ pub const CASES: &[Case] = &[
     case("max_pool/one_axis", ALL, &[1, 2, 7], UNIT, |s| {
         pool(s, "MaxPool", &[("kernel_shape", Ints(&[3])), ("strides", Ints(&[2]))])
     }),
-    case("max_pool/dilations", 10..=22, IMAGE, UNIT, |s| {
+    case("max_pool/dilations", 10..=25, IMAGE, UNIT, |s| {
         pool(s, "MaxPool", &[("kernel_shape", Ints(&[2, 2])), ("dilations", Ints(&[2, 3]))])
     }),
     case("average_pool", ALL, IMAGE, UNIT, |s| {
@@ -452,7 +452,7 @@ pub const CASES: &[Case] = &[
             ],
         );
     }),
-    case("average_pool/ceil", 10..=22, IMAGE, UNIT, |s| {
+    case("average_pool/ceil", 10..=25, IMAGE, UNIT, |s| {
         pool(
             s,
             "AveragePool",
@@ -461,35 +461,35 @@ pub const CASES: &[Case] = &[
     }),
     case("global_average_pool", ALL, IMAGE, UNIT, |s| unary(s, "GlobalAveragePool")),
     case("global_max_pool", ALL, IMAGE, UNIT, |s| unary(s, "GlobalMaxPool")),
-    case("where", 9..=22, IMAGE, UNIT, |s| {
+    case("where", 9..=25, IMAGE, UNIT, |s| {
         condition(s);
         let w = s.drawn(&[6], -1.0, 1.0);
         s.node("Where", &["holds", "x", &w], "y", &[]);
     }),
-    case("where/no", 9..=22, IMAGE, UNIT, |s| {
+    case("where/no", 9..=25, IMAGE, UNIT, |s| {
         condition(s);
         let w = s.drawn(&[6], -1.0, 1.0);
         s.node("Where", &["holds", &w, "x"], "y", &[]);
     }),
-    case("where/condition", 9..=22, IMAGE, UNIT, |s| {
+    case("where/condition", 9..=25, IMAGE, UNIT, |s| {
         condition(s);
         s.node("Exp", &["x"], "e", &[]);
         s.node("Where", &["holds", "x", "e"], "y", &[]);
     }),
-    case("where/broadcast", 9..=22, &[3, 1], UNIT, |s| {
+    case("where/broadcast", 9..=25, &[3, 1], UNIT, |s| {
         condition(s);
         let w = s.drawn(&[2, 1, 4], -1.0, 1.0);
         s.node("Where", &["holds", "x", &w], "y", &[]);
     }),
-    case("expand", 8..=22, &[2, 1, 3], UNIT, |s| {
+    case("expand", 8..=25, &[2, 1, 3], UNIT, |s| {
         let shape = s.ints(&[2, 4, 3]);
         s.node("Expand", &["x", &shape], "y", &[]);
     }),
-    case("expand/rank", 8..=22, &[1, 3], UNIT, |s| {
+    case("expand/rank", 8..=25, &[1, 3], UNIT, |s| {
         let shape = s.ints(&[2, 4, 1]);
         s.node("Expand", &["x", &shape], "y", &[]);
     }),
-    case("expand/computed", 8..=22, &[1, 1, 5, 6], UNIT, |s| {
+    case("expand/computed", 8..=25, &[1, 1, 5, 6], UNIT, |s| {
         let shape = s.ints(&[2]);
         s.node("Shape", &["x"], "shape", &[]);
         s.node("Concat", &[&shape, "shape"], "asked", &[("axis", Int(0))]);
@@ -514,17 +514,17 @@ pub const CASES: &[Case] = &[
     case("gather/repeated", ALL, IMAGE, UNIT, |s| gather(s, 2, &[4], &[1, 1, 3, 1])),
     case("gather/one", ALL, IMAGE, UNIT, |s| gather(s, 2, &[], &[3])),
     case("gather/matrix", ALL, IMAGE, UNIT, |s| gather(s, 3, &[2, 2], &[4, 0, 0, 1])),
-    case("gather/negative", 11..=22, IMAGE, UNIT, |s| gather(s, 3, &[2], &[-1, 0])),
+    case("gather/negative", 11..=25, IMAGE, UNIT, |s| gather(s, 3, &[2], &[-1, 0])),
     case("slice", ALL, IMAGE, UNIT, |s| slice(s, &[1], &[4], &[3], &[1])),
     case("slice/open", ALL, IMAGE, UNIT, |s| slice(s, &[-3], &[i64::MAX], &[2], &[1])),
-    case("slice/steps", 10..=22, IMAGE, UNIT, |s| slice(s, &[1], &[6], &[3], &[2])),
-    case("slice/backwards", 10..=22, IMAGE, UNIT, |s| slice(s, &[-1], &[i64::MIN], &[3], &[-2])),
+    case("slice/steps", 10..=25, IMAGE, UNIT, |s| slice(s, &[1], &[6], &[3], &[2])),
+    case("slice/backwards", 10..=25, IMAGE, UNIT, |s| slice(s, &[-1], &[i64::MIN], &[3], &[-2])),
     case("slice/several", ALL, IMAGE, UNIT, |s| slice(s, &[1, 0], &[4, 3], &[2, 3], &[1, 1])),
     case("pad", ALL, IMAGE, UNIT, |s| pad(s, &[0, 1, 2, 0, 0, 0, 1, 3], "constant")),
     case("pad/negative", ALL, IMAGE, UNIT, |s| pad(s, &[0, 0, -1, 2, 0, 0, 1, -2], "constant")),
     case("pad/edge", ALL, IMAGE, UNIT, |s| pad(s, &[0, 0, 2, 0, 0, 0, 1, 3], "edge")),
     case("pad/reflect", ALL, IMAGE, UNIT, |s| pad(s, &[0, 0, 2, 1, 0, 0, 1, 3], "reflect")),
-    case("pad/axes", 18..=22, IMAGE, UNIT, |s| {
+    case("pad/axes", 18..=25, IMAGE, UNIT, |s| {
         let (pads, axes) = (s.ints(&[1, 2]), s.ints(&[-1]));
         s.node("Pad", &["x", &pads, "", &axes], "y", &[]);
     }),
@@ -535,7 +535,7 @@ pub const CASES: &[Case] = &[
     case("reduce_sum/dropped", ALL, IMAGE, UNIT, |s| {
         s.with_ints(13, "ReduceSum", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
     }),
-    case("reduce_sum/last", 11..=22, IMAGE, UNIT, |s| {
+    case("reduce_sum/last", 11..=25, IMAGE, UNIT, |s| {
         s.with_ints(13, "ReduceSum", "x", "y", ("axes", &[-1]), &[])
     }),
     case("reduce_mean", ALL, IMAGE, UNIT, |s| unary(s, "ReduceMean")),
@@ -545,7 +545,7 @@ pub const CASES: &[Case] = &[
     case("reduce_mean/dropped", ALL, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMean", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
     }),
-    case("reduce_mean/last", 11..=22, IMAGE, UNIT, |s| {
+    case("reduce_mean/last", 11..=25, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMean", "x", "y", ("axes", &[-1]), &[])
     }),
     case("reduce_max", ALL, IMAGE, UNIT, |s| unary(s, "ReduceMax")),
@@ -555,7 +555,7 @@ pub const CASES: &[Case] = &[
     case("reduce_max/dropped", ALL, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMax", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
     }),
-    case("reduce_max/last", 11..=22, IMAGE, UNIT, |s| {
+    case("reduce_max/last", 11..=25, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMax", "x", "y", ("axes", &[-1]), &[])
     }),
     case("reduce_min", ALL, IMAGE, UNIT, |s| unary(s, "ReduceMin")),
@@ -565,7 +565,7 @@ pub const CASES: &[Case] = &[
     case("reduce_min/dropped", ALL, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[2]), &[("keepdims", Int(0))])
     }),
-    case("reduce_min/last", 11..=22, IMAGE, UNIT, |s| {
+    case("reduce_min/last", 11..=25, IMAGE, UNIT, |s| {
         s.with_ints(18, "ReduceMin", "x", "y", ("axes", &[-1]), &[])
     }),
     case("reduce_l1", ALL, IMAGE, UNIT, |s| unary(s, "ReduceL1")),
@@ -584,18 +584,18 @@ pub const CASES: &[Case] = &[
     case("reduce_sum_square/axes", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceSumSquare", &[1, 3], true)),
     case("reduce_sum_square/dropped", ALL, IMAGE, UNIT, |s| reduction(s, "ReduceSumSquare", &[2], false)),
     case("softmax", ALL, IMAGE, UNIT, |s| unary(s, "Softmax")),
-    case("softmax/axis", 13..=22, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
+    case("softmax/axis", 13..=25, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(1))])),
     case("softmax/old", 7..=12, IMAGE, UNIT, |s| s.node("Softmax", &["x"], "y", &[("axis", Int(2))])),
     case("log_softmax", ALL, IMAGE, UNIT, |s| s.node("LogSoftmax", &["x"], "y", &[("axis", Int(3))])),
     case("batch_normalization", ALL, IMAGE, UNIT, |s| normalization(s, "BatchNormalization", &[2], &[])),
-    case("layer_normalization", 17..=22, IMAGE, UNIT, |s| normalization(s, "LayerNormalization", &[6], &[])),
-    case("layer_normalization/axes", 17..=22, IMAGE, UNIT, |s| {
+    case("layer_normalization", 17..=25, IMAGE, UNIT, |s| normalization(s, "LayerNormalization", &[6], &[])),
+    case("layer_normalization/axes", 17..=25, IMAGE, UNIT, |s| {
         normalization(s, "LayerNormalization", &[5, 6], &[("axis", Int(2)), ("epsilon", Float(0.01))])
     }),
     case("instance_normalization", ALL, IMAGE, UNIT, |s| {
         normalization(s, "InstanceNormalization", &[2], &[])
     }),
-    case("resize", 11..=22, IMAGE, UNIT, |s| {
+    case("resize", 11..=25, IMAGE, UNIT, |s| {
         resize(
             s,
             &[1.0, 1.0, 2.0, 3.0],
@@ -603,13 +603,13 @@ pub const CASES: &[Case] = &[
             &[("coordinate_transformation_mode", Text("asymmetric")), ("nearest_mode", Text("floor"))],
         )
     }),
-    case("resize/linear", 11..=22, IMAGE, UNIT, |s| {
+    case("resize/linear", 11..=25, IMAGE, UNIT, |s| {
         resize(s, &[1.0, 1.0, 2.0, 1.5], &[], &[("mode", Text("linear"))])
     }),
-    case("resize/cubic", 11..=22, IMAGE, UNIT, |s| {
+    case("resize/cubic", 11..=25, IMAGE, UNIT, |s| {
         resize(s, &[1.0, 1.0, 2.0, 2.0], &[], &[("mode", Text("cubic"))])
     }),
-    case("resize/sizes", 11..=22, IMAGE, UNIT, |s| {
+    case("resize/sizes", 11..=25, IMAGE, UNIT, |s| {
         resize(
             s,
             &[],
@@ -617,7 +617,7 @@ pub const CASES: &[Case] = &[
             &[("mode", Text("linear")), ("coordinate_transformation_mode", Text("pytorch_half_pixel"))],
         )
     }),
-    case("resize/corners", 11..=22, IMAGE, UNIT, |s| {
+    case("resize/corners", 11..=25, IMAGE, UNIT, |s| {
         resize(
             s,
             &[],
@@ -630,12 +630,12 @@ pub const CASES: &[Case] = &[
     case("upsample/seven", 7..=8, IMAGE, UNIT, |s| upsample(s, "nearest")),
     case("identity", ALL, IMAGE, UNIT, |s| unary(s, "Identity")),
     case("dropout", ALL, IMAGE, UNIT, |s| unary(s, "Dropout")),
-    case("cast", 9..=22, IMAGE, UNIT, |s| {
+    case("cast", 9..=25, IMAGE, UNIT, |s| {
         s.node("Cast", &["x"], "d", &[("to", Int(11))]);
         s.node("Exp", &["d"], "e", &[]);
         s.node("Cast", &["e"], "y", &[("to", Int(1))]);
     }),
-    case("cast/like", 15..=22, IMAGE, UNIT, |s| {
+    case("cast/like", 15..=25, IMAGE, UNIT, |s| {
         s.node("Cast", &["x"], "d", &[("to", Int(11))]);
         s.node("Exp", &["d"], "e", &[]);
         s.node("CastLike", &["e", "x"], "y", &[]);
@@ -643,7 +643,7 @@ pub const CASES: &[Case] = &[
     case("reshape", ALL, IMAGE, UNIT, |s| reshape(s, &[3, -1])),
     case("reshape/copied", ALL, IMAGE, UNIT, |s| reshape(s, &[0, 0, 30])),
     case("reshape/computed", ALL, IMAGE, UNIT, |s| computed_shape(s, "Reshape")),
-    case("reshape/range", 11..=22, &[6], UNIT, |s| {
+    case("reshape/range", 11..=25, &[6], UNIT, |s| {
         let number = |s: &mut Sketch, name: &str, value| {
             s.weights(name, Tensor { shape: Vec::new(), ..Tensor::ints(&[value]) })
         };
@@ -663,7 +663,7 @@ pub const CASES: &[Case] = &[
     case("depth_to_space", ALL, &[1, 8, 2, 3], UNIT, |s| {
         s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2))])
     }),
-    case("depth_to_space/crd", 11..=22, &[1, 8, 2, 3], UNIT, |s| {
+    case("depth_to_space/crd", 11..=25, &[1, 8, 2, 3], UNIT, |s| {
         s.node("DepthToSpace", &["x"], "y", &[("blocksize", Int(2)), ("mode", Text("CRD"))])
     }),
     case("space_to_depth", ALL, &[1, 2, 4, 6], UNIT, |s| {
@@ -671,12 +671,12 @@ pub const CASES: &[Case] = &[
     }),
     case("tile", ALL, &[2, 1, 3], UNIT, |s| tile(s, &[1, 4, 2])),
     case("tile/one_axis", ALL, &[5], UNIT, |s| tile(s, &[3])),
-    case("cum_sum", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 1, false, false)),
-    case("cum_sum/exclusive", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, -1, true, false)),
-    case("cum_sum/reverse", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 0, false, true)),
-    case("cum_sum/both", 11..=22, &[2, 3, 4], UNIT, |s| cumulated(s, 1, true, true)),
-    case("trilu", 14..=22, &[2, 3, 4], UNIT, |s| unary(s, "Trilu")),
-    case("trilu/lower", 14..=22, &[3, 4], UNIT, |s| {
+    case("cum_sum", 11..=25, &[2, 3, 4], UNIT, |s| cumulated(s, 1, false, false)),
+    case("cum_sum/exclusive", 11..=25, &[2, 3, 4], UNIT, |s| cumulated(s, -1, true, false)),
+    case("cum_sum/reverse", 11..=25, &[2, 3, 4], UNIT, |s| cumulated(s, 0, false, true)),
+    case("cum_sum/both", 11..=25, &[2, 3, 4], UNIT, |s| cumulated(s, 1, true, true)),
+    case("trilu", 14..=25, &[2, 3, 4], UNIT, |s| unary(s, "Trilu")),
+    case("trilu/lower", 14..=25, &[3, 4], UNIT, |s| {
         let k = s.weights("k", Tensor { shape: Vec::new(), ..Tensor::ints(&[1]) });
         s.node("Trilu", &["x", &k], "y", &[("upper", Int(0))]);
     }),
