@@ -1,6 +1,6 @@
--- Frames on which maps.py compares saliency methods: one of each of many roads, all but the first after five seconds in which the simulator's own autopilot swings about
--- the middle of the lane, in three lights. The record has an image of the first drive and three of each other one, so that every third image
--- is the last one of a drive.
+-- Frames on which maps.py compares saliency methods: one of each of many roads, in three lights, all but the first after five seconds in which
+-- the simulator's own autopilot swings about the middle of the lane. The record has an image of the first drive and three of each other one, so
+-- that every third image is the last one of a drive.
 --
 --   pdk run tests/study/maps.lua --set conditions=standard --out frames
 

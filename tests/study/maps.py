@@ -1,4 +1,4 @@
-"""How faithful saliency methods and layers are on frames of `lane`: the table of docs/saliency.md that decided the default.
+"""How faithful saliency methods and layers are on frames of `lane`: the table of docs/saliency.md behind the default layer.
 
     python3 tests/study/maps.py --pdk target/release/pdk
 

@@ -26,9 +26,7 @@ impl Part {
 
     /// Whether nothing of the frame at this time, in seconds, is perturbed.
     pub fn spares(&self, time: f64) -> bool {
-        let left_out =
-            self.during.except.is_some_and(|except| except.area.is_none() && except.contains(time));
-        left_out || !self.during.span.contains(time)
+        self.during.spares(time)
     }
 
     /// How much of each pixel of the frame at this time is changed, 0 to 255, by what is perturbed and by what is left out of it; nothing

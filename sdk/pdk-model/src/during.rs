@@ -91,6 +91,12 @@ impl During {
 }
 
 impl During {
+    /// Whether nothing of the frame at this time, in seconds, is perturbed.
+    pub fn spares(&self, time: f64) -> bool {
+        let left_out = self.except.is_some_and(|except| except.area.is_none() && except.contains(time));
+        left_out || !self.span.contains(time)
+    }
+
     /// Whether it limits frames to a part of their pixels.
     pub fn has_box(&self) -> bool {
         self.span.area.is_some() || self.except.is_some_and(|except| except.area.is_some())

@@ -15,7 +15,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, FrameBuf};
 use pdk_video::Writer;
 
-use crate::gauge::{Gauge, fill};
+use crate::gauge::{Gauge, fill, fill_border};
 use crate::recorded::Recorded;
 
 /// Widths between which frames are shown, in pixels: smaller ones are enlarged so that there is room for text, larger ones
@@ -309,7 +309,7 @@ impl Film {
     /// What stands above the perturbed frame: the perturbations with their intensities at this time.
     fn seen(&self, time: f64) -> String {
         let level = |applied: &AppliedPerturbation| match applied.during {
-            Some(during) if !applies(&during, time) => None,
+            Some(during) if during.spares(time) => None,
             _ => applied.level.at(time),
         };
         let perturbation = |applied: &AppliedPerturbation| match level(applied) {
@@ -363,11 +363,7 @@ impl Layout {
     /// Marks a frame of the last moments before a failure.
     pub fn mark(&self, picture: &mut RgbImage, panel: u32) {
         let (width, height) = self.shown;
-        let left = self.left(panel);
-        fill(picture, [left, HEADER], [width, MARK], FAILURE);
-        fill(picture, [left, HEADER + height - MARK], [width, MARK], FAILURE);
-        fill(picture, [left, HEADER], [MARK, height], FAILURE);
-        fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
+        fill_border(picture, [self.left(panel), HEADER], [width, height], MARK, FAILURE);
     }
 
     /// Outlines a box in shares of a frame.
@@ -377,11 +373,8 @@ impl Layout {
         let [left, right] = [area[0], area[2]].map(|share| place(share, width));
         let [top, bottom] = [area[1], area[3]].map(|share| place(share, height));
         let (across, down) = ((right - left).max(OUTLINE), (bottom - top).max(OUTLINE));
-        let (x, y) = (self.left(panel) + left.min(width - across), HEADER + top.min(height - down));
-        fill(picture, [x, y], [across, OUTLINE], color);
-        fill(picture, [x, y + down - OUTLINE], [across, OUTLINE], color);
-        fill(picture, [x, y], [OUTLINE, down], color);
-        fill(picture, [x + across - OUTLINE, y], [OUTLINE, down], color);
+        let at = [self.left(panel) + left.min(width - across), HEADER + top.min(height - down)];
+        fill_border(picture, at, [across, down], OUTLINE, color);
     }
 
     /// Writes at the lower edge of a frame how it ends.
@@ -393,17 +386,11 @@ impl Layout {
     }
 }
 
-/// Whether a perturbation that is limited to this applies to a part of the frame at this time.
-fn applies(during: &During, time: f64) -> bool {
-    let off = during.except.is_some_and(|except| except.area.is_none() && except.contains(time));
-    during.span.contains(time) && !off
-}
-
 /// The boxes that perturbations are limited to at this time, and those that are left out, with the colours of their outlines.
 fn boxes(perturbations: &[AppliedPerturbation], time: f64) -> Vec<([f64; 4], Rgb<u8>)> {
     let mut boxes = Vec::new();
     let during = perturbations.iter().filter_map(|applied| applied.during);
-    for During { span, except } in during.filter(|during| applies(during, time)) {
+    for During { span, except } in during.filter(|during| !during.spares(time)) {
         for (span, color) in [(Some(span), PERTURBED), (except, LEFT_OUT)] {
             let area = span.filter(|span| span.contains(time)).and_then(|span| span.area);
             boxes.extend(area.map(|area| (area, color)).filter(|found| !boxes.contains(found)));

@@ -123,6 +123,20 @@ pub fn fill(picture: &mut RgbImage, [x, y]: [u32; 2], [width, height]: [u32; 2],
     }
 }
 
+/// Fills the border of a rectangle, this many pixels thick inwards.
+pub fn fill_border(
+    picture: &mut RgbImage,
+    [x, y]: [u32; 2],
+    [width, height]: [u32; 2],
+    thickness: u32,
+    color: Rgb<u8>,
+) {
+    fill(picture, [x, y], [width, thickness], color);
+    fill(picture, [x, y + height - thickness], [width, thickness], color);
+    fill(picture, [x, y], [thickness, height], color);
+    fill(picture, [x + width - thickness, y], [thickness, height], color);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

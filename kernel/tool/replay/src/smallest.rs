@@ -83,7 +83,7 @@ pub fn smallest(mut block: Block, sides: &[Side], holds: &mut Holds<'_>) -> Resu
     let (mut next, mut stuck) = (0, 0);
     while stuck < sides.len() {
         let tried: Vec<Side> =
-            (stuck..sides.len()).take(2).map(|by| sides[(next + by - stuck) % sides.len()]).collect();
+            (0..2.min(sides.len() - stuck)).map(|by| sides[(next + by) % sides.len()]).collect();
         let blocks: Vec<Option<Block>> = tried.iter().map(|side| block.moved(*side, 1)).collect();
         let possible: Vec<Block> = blocks.iter().flatten().cloned().collect();
         let mut held = holds(&possible)?.into_iter();
