@@ -1,8 +1,8 @@
 //! Pictures without compression, as cameras of robots give them, as RGB.
 
 use pdk_image::check_size;
+use pdk_sdk::ops::yuv;
 use pdk_sdk::prelude::*;
-use pdk_video::Yuv420;
 
 use crate::mosaic::Mosaic;
 
@@ -156,7 +156,7 @@ impl Layout {
             Self::Yuv422(lumas, chroma) => {
                 for (pair, pixels) in into.chunks_exact_mut(4).zip(from.chunks_exact(6)) {
                     let [first, second] =
-                        [0, 3].map(|at| Yuv420::components([pixels[at], pixels[at + 1], pixels[at + 2]]));
+                        [0, 3].map(|at| yuv::components([pixels[at], pixels[at + 1], pixels[at + 2]]));
                     for (place, value) in lumas.iter().zip([first[0], second[0]]) {
                         pair[*place] = value;
                     }
@@ -178,7 +178,7 @@ impl Layout {
             Self::Yuv422(lumas, chroma) => {
                 for (pair, out) in from.chunks_exact(4).zip(into.chunks_exact_mut(6)) {
                     let [blue, red] = chroma.map(|place| pair[place]);
-                    let colours = lumas.map(|place| Yuv420::colour(pair[place], blue, red));
+                    let colours = lumas.map(|place| yuv::colour(pair[place], blue, red));
                     out.copy_from_slice(colours.as_flattened());
                 }
             }

@@ -5,7 +5,7 @@ use divan::Bencher;
 use pdk_ops::{
     Frame, FrameBuf, FrameMut, average, blend, canny, color, elastic, equalise, false_color, gaussian, hsv,
     jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp,
-    warp, white_balance,
+    warp, white_balance, yuv,
 };
 use pdk_seed::Key;
 
@@ -61,6 +61,20 @@ fn overlay_everywhere(bencher: Bencher<'_, '_>) {
     let alphas: Vec<u8> =
         picture.data().chunks_exact(3).map(|pixel| pixel[0].max(pixel[1]).max(pixel[2])).collect();
     time(bencher, |src, dst| overlay::overlay(src, dst, picture.data(), &alphas, 0.8));
+}
+
+#[divan::bench]
+fn rgb_to_video(bencher: Bencher<'_, '_>) {
+    let [mut luma, mut blue, mut red] = [320 * 240, 160 * 120, 160 * 120].map(|size| vec![0; size]);
+    time(bencher, |src, _| yuv::from_rgb(src, [&mut luma, &mut blue, &mut red]));
+}
+
+#[divan::bench]
+fn video_to_rgb(bencher: Bencher<'_, '_>) {
+    let picture = scene(320, 240);
+    let (luma, rest) = picture.data().split_at(320 * 240);
+    let (blue, rest) = rest.split_at(160 * 120);
+    time(bencher, |_, dst| yuv::to_rgb([luma, blue, &rest[..160 * 120]], dst));
 }
 
 #[divan::bench]

@@ -65,6 +65,7 @@ mod testing;
 pub mod unsharp;
 pub mod warp;
 pub mod white_balance;
+pub mod yuv;
 pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
