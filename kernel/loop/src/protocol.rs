@@ -71,17 +71,6 @@ pub struct Job {
     pub work: Work,
 }
 
-impl Job {
-    /// A job for a slot.
-    pub fn new(number: u64, slot: u32, work: Work) -> Self {
-        let scenario = match &work {
-            Work::Drive(drive) => Some(drive.scenario.id()),
-            _ => None,
-        };
-        Self { number, slot, scenario, work }
-    }
-}
-
 /// What there is to do.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -1,6 +1,6 @@
 //! The ledger of a run: one line for each scenario that was driven, in `scenarios.jsonl`.
 //!
-//! While the run lasts, lines are added as outcomes come, each synced, after the trace that it speaks of. When the run is over
+//! While the run lasts, lines are added as outcomes come, after the traces that they speak of, and are synced before anybody hears of them. When the run is over
 //! they are put in the order in which the scenarios were submitted, so that equal runs write equal files on any number of
 //! workers. A scenario whose id is in the ledger is answered from it: that is all that continuing a run is.
 //!
@@ -9,7 +9,8 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use pdk_model::outcome::Outcome;
@@ -164,18 +165,34 @@ impl Ledger {
         self.add_all(std::slice::from_ref(line))
     }
 
+    /// Adds a line, which is on the disk after the next [`sync`](Self::sync).
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push(&mut self, line: &Line) -> Result<()> {
+        let (text, start) = (line.print()?, self.lines.length());
+        self.lines.add(text.as_bytes())?;
+        self.superseded |= self.places.insert(line.id, (start, text.len() - 1)).is_some();
+        Ok(())
+    }
+
+    /// Makes sure that all lines survive a power cut.
+    ///
+    /// # Errors
+    /// If the disk does not take them.
+    pub fn sync(&mut self) -> Result<()> {
+        self.lines.sync()
+    }
+
     /// Adds lines, which are on the disk when this returns.
     ///
     /// # Errors
     /// If they cannot be written.
     pub fn add_all(&mut self, lines: &[Line]) -> Result<()> {
         for line in lines {
-            let text = line.print()?;
-            let start = self.lines.length();
-            self.lines.add(text.as_bytes())?;
-            self.superseded |= self.places.insert(line.id, (start, text.len() - 1)).is_some();
+            self.push(line)?;
         }
-        self.lines.sync()
+        self.sync()
     }
 
     /// Puts the lines in this order, in which each scenario stands once; others come behind them.
@@ -212,22 +229,22 @@ impl Ledger {
     }
 
     fn write_sorted(&self, part: &Path, sorted: &[(ScenarioId, u64, usize)]) -> io::Result<()> {
-        let text = fs::read(&self.path)?;
+        let from = File::open(&self.path)?;
         let mut file = io::BufWriter::new(File::create(part)?);
+        let mut line = Vec::new();
         for (_, start, length) in sorted {
             // With the line feed.
-            let line = text.get(*start as usize..*start as usize + length + 1);
-            file.write_all(line.ok_or(io::ErrorKind::UnexpectedEof)?)?;
+            line.resize(length + 1, 0);
+            from.read_exact_at(&mut line, *start)?;
+            file.write_all(&line)?;
         }
         file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
     }
 }
 
 fn read_at(path: &Path, start: u64, length: usize) -> io::Result<String> {
-    let mut file = File::open(path)?;
-    file.seek(SeekFrom::Start(start))?;
     let mut bytes = vec![0; length];
-    file.read_exact(&mut bytes)?;
+    File::open(path)?.read_exact_at(&mut bytes, start)?;
     String::from_utf8(bytes).map_err(|_| io::ErrorKind::InvalidData.into())
 }
 

@@ -8,9 +8,8 @@
 //! | [`ledger`] | one line for each outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run, with the [`files`] that it read; `inputs` makes one hash of the files of a dataset and the like |
 //! | [`located`] | where these files are, as seen from here |
-//! | [`shard`] | the parts of a run |
+//! | [`shard`] | the parts of a run, and what the record of one says of the whole |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
-//! | [`merge`] | the records of all parts of a run put together |
 //! | [`times`] | how long the stages of the loop took |
 //! | [`trace`] | what happened in a scenario, frame by frame |
 
@@ -21,7 +20,6 @@ pub mod ledger;
 pub mod lines;
 pub mod located;
 pub mod manifest;
-pub mod merge;
 pub mod settle;
 pub mod shard;
 pub mod times;

@@ -443,6 +443,11 @@ impl InUse {
         known.clone().find(|file| file.path == place).cloned().map_or_else(|| FileRecord::of(&code.file), Ok)
     }
 
+    /// How many components and files there are; none is ever left out again.
+    pub fn count(&self) -> usize {
+        self.components.len() + self.files.len()
+    }
+
     /// The components, in order.
     pub fn components(&self) -> Vec<ComponentRecord> {
         self.components.iter().cloned().collect()

@@ -1,8 +1,10 @@
-//! The parts of a run.
+//! Runs in parts: each part drives its share of the scenarios and evaluates its share of the frames, on a machine of its own, and the
+//! records of all parts are put together into that of the whole.
 
 use std::fmt;
 use std::str::FromStr;
 
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +18,26 @@ pub struct Shard {
     pub index: usize,
     /// How many parts there are.
     pub of: usize,
+}
+
+/// What the record of a part says of the whole, once the part has come to its end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ShardList {
+    /// The part.
+    pub shard: Shard,
+    /// All scenarios of the run in the order of submission.
+    pub scenarios: Vec<ScenarioId>,
+    /// All evaluations of the run in their order.
+    pub evaluations: Vec<EvaluatedFrames>,
+}
+
+/// What an evaluation of the whole run goes through.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EvaluatedFrames {
+    /// How many frames it has.
+    pub frames: usize,
+    /// The perturbations at their levels.
+    pub cells: Vec<String>,
 }
 
 impl Shard {

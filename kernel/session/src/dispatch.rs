@@ -23,12 +23,14 @@ use self::tally::Tally;
 use self::workers::Workers;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
-use crate::submission::{Event, Options, Reply, Request, Submission, Ticket};
+use crate::submission::{Event, Options, Reply, Request, Ticket, WaitingSubmission};
 use pdk_loop::protocol::{Answer, Drive, Driven, Job, Ready, Work};
 use pdk_loop::recorder::write_trace;
 
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
+/// The most events between two syncs of the ledger.
+const MOST_TOGETHER: usize = 64;
 
 /// What the session's thread owns.
 pub struct Dispatch {
@@ -38,6 +40,8 @@ pub struct Dispatch {
     book: Book,
     tally: Tally,
     answers: Sender<(Ticket, Result<Reply>)>,
+    /// Answers that wait until the lines of which they speak are on the disk.
+    unsent: Vec<(Ticket, Result<Reply>)>,
     /// Why nothing more can be done.
     broken: Option<Error>,
 }
@@ -57,6 +61,7 @@ impl Dispatch {
             tally: Tally::new(shared),
             options,
             answers,
+            unsent: Vec::new(),
             broken: None,
         }
     }
@@ -71,20 +76,35 @@ impl Dispatch {
         }
         let mut announced = Wish::None;
         loop {
-            match events.recv_timeout(TICK) {
-                Ok(Event::Close) | Err(RecvTimeoutError::Disconnected) => break,
-                Ok(Event::Submit(ticket, request)) => self.submit(ticket, request),
-                Ok(Event::Record(record)) => self.book.record = Some(record),
-                Ok(Event::Finish(done)) => {
-                    // The requester may be gone.
-                    let _ = done.send(self.book.finish());
-                }
-                Ok(Event::Worker(connection, found)) => {
-                    if let Err(error) = self.hear(connection, found, &mut introduce) {
-                        self.fail(error, &mut introduce);
+            let first = match events.recv_timeout(TICK) {
+                Err(RecvTimeoutError::Disconnected) => break,
+                event => event.ok(),
+            };
+            // What has come by now is recorded together, since a disk takes its time for each sync.
+            let together = first.into_iter().chain(events.try_iter().take(MOST_TOGETHER - 1));
+            let mut closed = false;
+            for event in together {
+                match event {
+                    Event::Close => closed = true,
+                    Event::Submit(ticket, request) => self.submit(ticket, request),
+                    Event::Record(record) => self.book.record = Some(record),
+                    Event::Finish(done) => {
+                        // The requester may be gone.
+                        let _ = done.send(self.book.finish());
+                    }
+                    Event::Worker(connection, found) => {
+                        if let Err(error) = self.hear(connection, *found, &mut introduce) {
+                            self.fail(error, &mut introduce);
+                        }
                     }
                 }
-                Err(RecvTimeoutError::Timeout) => {}
+                if closed {
+                    break;
+                }
+            }
+            if closed {
+                self.send(&mut introduce);
+                break;
             }
             let wish = interrupt::wish();
             if wish > announced {
@@ -103,6 +123,7 @@ impl Dispatch {
                 self.fail(error, &mut introduce);
             }
             self.tally.measure(self.workers.busy());
+            self.send(&mut introduce);
         }
         self.leave(events);
     }
@@ -114,47 +135,38 @@ impl Dispatch {
         if interrupt::wish() != Wish::None {
             return self.answer(ticket, Err(interrupt::error()));
         }
-        let (work, submission) = match request {
-            Request::Work(work) => (*work, None),
+        let (simulator, task) = match request {
+            Request::Work(work) => {
+                let simulator = match &*work {
+                    Work::Drive(drive) => Some(drive.scenario.simulator.clone()),
+                    _ => None,
+                };
+                (simulator, Task::new(Some(work), None, ticket))
+            }
             Request::Submission(submission) => match self.admit(ticket, &submission) {
-                Ok(Some(work)) => (work, Some(submission)),
+                Ok(Some(simulator)) => (Some(simulator), Task::new(None, Some(submission), ticket)),
                 Ok(None) => return,
                 Err(error) => return self.answer(ticket, Err(error)),
             },
         };
-        let simulator = match &work {
-            Work::Drive(drive) => Some(&drive.scenario.simulator),
-            _ => None,
-        };
         let external =
-            simulator.and_then(|simulator| Some((simulator, self.workers.external.get(&simulator.name)?)));
+            simulator.and_then(|simulator| Some((self.workers.external.get(&simulator.name)?, simulator)));
         let first_only = self.options.pool == Pool::Usual
-            && external.is_some_and(|(simulator, by)| !by.is_empty() && !is_launched(simulator, by));
-        let external = external.is_some();
-        self.jobs.add(Task { external, first_only, ..Task::new(work, submission, ticket) });
+            && external.as_ref().is_some_and(|(by, simulator)| !by.is_empty() && !is_launched(simulator, by));
+        self.jobs.add(Task { external: external.is_some(), first_only, ..task });
     }
 
-    /// What there is to do for a scenario; nothing if it is in the ledger, or being driven.
-    fn admit(&mut self, ticket: Ticket, submission: &Submission) -> Result<Option<Work>> {
-        if let Some(task) = self.jobs.of_scenario(&submission.scenario.id()) {
+    /// The simulator of a scenario that is to be driven; none if the scenario is in the ledger, or being driven.
+    fn admit(&mut self, ticket: Ticket, submission: &WaitingSubmission) -> Result<Option<ComponentSpec>> {
+        if let Some(task) = self.jobs.of_scenario(&submission.id) {
             task.waiting.push(ticket);
             return Ok(None);
         }
-        let (known, trace) = self.book.look_up(&submission.scenario.id())?;
-        if let Some((line, before)) = known {
-            self.answer(ticket, Ok(Reply::Recorded(Arc::new(line), before)));
+        if let Some((outcome, before)) = self.book.look_up(&submission.id)? {
+            self.answer(ticket, Ok(Reply::Recorded(outcome, before)));
             return Ok(None);
         }
-        let Submission { scenario, name, images_every } = submission.clone();
-        let trace = Some(std::path::absolute(&trace).unwrap_or(trace));
-        Ok(Some(Work::Drive(Box::new(Drive {
-            scenario,
-            name,
-            trace,
-            images_every,
-            skips: None,
-            view: None,
-        }))))
+        Ok(Some(submission.read()?.scenario.simulator))
     }
 
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
@@ -198,8 +210,21 @@ impl Dispatch {
             task.tries += 1;
             task.began = false;
             (task.given, task.heard) = (Instant::now(), Instant::now());
+            let work = match (&task.work, &task.submission) {
+                (None, Some(submission)) => {
+                    Some(Box::new(Work::Drive(Box::new(self.book.drive(submission)?))))
+                }
+                (work, _) => work.clone(),
+            };
+            let Some(work) = work else { continue };
+            task.work = Some(work.clone());
+            let scenario = match (&task.submission, &*work) {
+                (Some(submission), _) => Some(submission.id),
+                (None, Work::Drive(drive)) => Some(drive.scenario.id()),
+                _ => None,
+            };
             let connection = &mut self.workers.connections[place];
-            let job = Job::new(number, connection.first_slot + slot as u32, task.work.clone());
+            let job = Job { number, slot: connection.first_slot + slot as u32, scenario, work: *work };
             connection.give(slot, &job, &self.options.pool)?;
         }
         Ok(())
@@ -214,13 +239,14 @@ impl Dispatch {
         match answer {
             Answer::Driven(driven) => {
                 self.tally.add(&driven);
-                let Some(submission) = &task.submission else {
+                let (Some(submission), Some(Work::Drive(drive))) = (&task.submission, task.work.as_deref())
+                else {
                     self.finish(number, Ok(Reply::Driven(Box::new(driven))));
                     return Ok(());
                 };
-                complete_trace(&task.work, &driven.outcome)?;
-                let line = self.book.add(submission, driven.outcome)?;
-                self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
+                complete_trace(drive, &driven.outcome)?;
+                let outcome = self.book.add(submission.id, drive, driven.outcome)?;
+                self.finish(number, Ok(Reply::Recorded(outcome, false)));
             }
             Answer::Evaluated(evaluated) => {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
@@ -229,7 +255,7 @@ impl Dispatch {
             Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
             Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
             // A pool has given the scenario up.
-            Answer::Failed(failure) if matches!(task.work, Work::Drive(_)) => {
+            Answer::Failed(failure) if matches!(task.work.as_deref(), Some(Work::Drive(_))) => {
                 return self.done(number, Answer::Driven(Driven::lost(failure.kind, failure.message, 0)));
             }
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
@@ -246,9 +272,21 @@ impl Dispatch {
         }
     }
 
-    fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
-        // The requester may be gone.
-        let _ = self.answers.send((ticket, answer));
+    fn answer(&mut self, ticket: Ticket, answer: Result<Reply>) {
+        self.unsent.push((ticket, answer));
+    }
+
+    /// Sends the answers, once what they speak of is on the disk.
+    fn send(&mut self, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Err(error) = self.book.sync() {
+            let tickets = std::mem::take(&mut self.unsent).into_iter().map(|(ticket, _)| ticket);
+            self.unsent = tickets.map(|ticket| (ticket, Err(error.clone()))).collect();
+            self.fail(error, introduce);
+        }
+        for answer in self.unsent.drain(..) {
+            // The requester may be gone.
+            let _ = self.answers.send(answer);
+        }
     }
 }
 
@@ -260,9 +298,9 @@ fn is_launched(simulator: &ComponentSpec, by: &[Parameter]) -> bool {
 }
 
 /// Writes the trace of a scenario that a pool has given up: the process that was to write it was lost.
-fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
-    match (work, &outcome.error) {
-        (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
+fn complete_trace(drive: &Drive, outcome: &Outcome) -> Result<()> {
+    match &outcome.error {
+        Some(message) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
             write_trace(drive, message)
         }
         _ => Ok(()),

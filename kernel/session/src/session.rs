@@ -19,7 +19,9 @@ use pdk_sdk::input_files::InputFiles;
 use crate::connection::Pool;
 use crate::dispatch::{Dispatch, Shared};
 use crate::submission::{Event, Record, Request};
-pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
+pub use crate::submission::{
+    Options, Performance, Reply, Submission, Ticket, WaitingSubmission, WrittenOutcome,
+};
 use pdk_loop::protocol::{Drive, EvaluateFrames, Made, Make, Ready, SearchStep, StartSearch, Work};
 
 /// The session's handle, which the pipeline holds.
@@ -103,8 +105,8 @@ impl Session {
     }
 
     /// Submits a scenario, which is recorded.
-    pub fn submit(&mut self, submission: Submission) -> Ticket {
-        self.request(Request::Submission(Box::new(submission)))
+    pub fn submit(&mut self, submission: WaitingSubmission) -> Ticket {
+        self.request(Request::Submission(submission))
     }
 
     /// A ticket for a scenario that another process drives: its answer is [`Reply::Elsewhere`], at once.

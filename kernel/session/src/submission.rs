@@ -5,13 +5,15 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
 use pdk_components::search_path::SearchPath;
-use pdk_model::scenario::Scenario;
+use pdk_model::outcome::Outcome;
+use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_model::search::Candidate;
 use pdk_record::directory::RunDirectory;
-use pdk_record::ledger::{Ledger, Line};
+use pdk_record::ledger::Ledger;
 use pdk_sdk::error::Result;
 use pdk_sdk::input_files::InputFiles;
 use pdk_supervise::supervisor::Limits;
+use serde::{Deserialize, Serialize};
 
 use crate::connection::Pool;
 use pdk_loop::lines::Found;
@@ -32,7 +34,7 @@ pub struct Options {
 }
 
 /// A scenario to drive and record.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Submission {
     /// What to drive.
     pub scenario: Scenario,
@@ -40,6 +42,50 @@ pub struct Submission {
     pub name: String,
     /// Every how many frames an image goes into the trace; 0 for none.
     pub images_every: u64,
+}
+
+impl Submission {
+    /// As it waits.
+    ///
+    /// # Errors
+    /// If it cannot be JSON, which is a defect in pdk.
+    pub fn waiting(&self) -> Result<WaitingSubmission> {
+        Ok(WaitingSubmission { id: self.scenario.id(), text: serde_json::to_string(self)?.into() })
+    }
+}
+
+/// A submission as a text, which takes a quarter of the memory: many may wait.
+#[derive(Debug, Clone)]
+pub struct WaitingSubmission {
+    /// The id of the scenario.
+    pub id: ScenarioId,
+    text: Box<str>,
+}
+
+impl WaitingSubmission {
+    /// Reads it.
+    pub(crate) fn read(&self) -> Result<Submission> {
+        Ok(serde_json::from_str(&self.text)?)
+    }
+}
+
+/// An outcome as a text, which takes less memory: a run may have many.
+#[derive(Debug, Clone)]
+pub struct WrittenOutcome(Arc<str>);
+
+impl WrittenOutcome {
+    /// Writes it.
+    pub(crate) fn new(outcome: &Outcome) -> Result<Self> {
+        Ok(Self(serde_json::to_string(outcome)?.into()))
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// None that is not a defect in pdk.
+    pub fn read(&self) -> Result<Outcome> {
+        Ok(serde_json::from_str(&self.0)?)
+    }
 }
 
 /// Where scenarios are recorded.
@@ -63,13 +109,13 @@ pub(crate) enum Event {
     /// No more requests come.
     Close,
     /// A worker says something, on this connection.
-    Worker(u64, Found<FromWorker>),
+    Worker(u64, Box<Found<FromWorker>>),
 }
 
 /// A request.
 pub(crate) enum Request {
     /// A scenario, to be recorded.
-    Submission(Box<Submission>),
+    Submission(WaitingSubmission),
     /// Anything else.
     Work(Box<Work>),
 }
@@ -81,8 +127,8 @@ pub struct Ticket(pub(crate) u64);
 /// What something that was submitted came to.
 #[derive(Debug, Clone)]
 pub enum Reply {
-    /// A scenario that was recorded: its line, and whether that was in the ledger before the session.
-    Recorded(Arc<Line>, bool),
+    /// A scenario that was recorded: its outcome, and whether that was in the ledger before the session.
+    Recorded(WrittenOutcome, bool),
     /// A scenario that was driven without being recorded.
     Driven(Box<Driven>),
     /// Frames of a dataset.

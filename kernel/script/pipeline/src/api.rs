@@ -1,16 +1,18 @@
 //! What a pipeline can call: the functions of the global `pdk`.
 
-use mlua::{ExternalError, Lua, Value as LuaValue};
+use mlua::{ExternalError, Lua, Table, Value as LuaValue};
 use pdk_lua::types::{Declare, definitions};
 use pdk_lua::{ApiFunction, ApiTable, LuaRandom, perturbation_api};
 use pdk_sdk::error::Error;
 use serde_json::Value;
 
-use crate::bridge::{call, frames_of, function, outcomes, with_host};
+use crate::bridge::{all_outcomes, call, frames_of, function, with_host};
+use crate::host::Host;
+use crate::requests::SCENARIOS;
 use crate::scored::{conduct, score_of};
 use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
-use crate::values::from_lua;
+use crate::values::{entries, from_lua};
 use crate::{levels, records, statistics};
 
 /// What a pipeline can call.
@@ -31,13 +33,7 @@ pub const API: ApiTable = ApiTable {
             signature: "(request: DriveRequest) -> { Outcome }",
             doc: "Drives scenarios in the closed loop of a simulator and a driver, and returns an outcome for each, in their \
                   order.",
-            make: |lua| {
-                lua.create_function(|lua, request: LuaValue| {
-                    let request = frame_by_frame(lua, &request)?;
-                    let request = from_lua(&request, "pdk.drive").map_err(ExternalError::into_lua_err)?;
-                    outcomes(lua, |host| host.drive(request))
-                })
-            },
+            make: |lua| lua.create_function(|lua, request: LuaValue| drive(lua, &request)),
         },
         ApiFunction {
             name: "session",
@@ -188,25 +184,39 @@ pub fn type_definitions() -> String {
     definitions(&everything())
 }
 
-/// A request of `pdk.drive` in which no level is a function of time any more.
-fn frame_by_frame(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
-    let Some(table) = request.as_table() else { return Ok(request.clone()) };
-    let scenarios: LuaValue = table.raw_get("scenarios")?;
-    let Some(list) = scenarios.as_table() else { return Ok(request.clone()) };
-    let evaluated = lua.create_table()?;
-    for pair in list.pairs::<LuaValue, LuaValue>() {
-        let (key, scenario) = pair?;
-        let defaults = |field: &str| table.raw_get::<LuaValue>(field);
-        let scenario = levels::evaluated(lua, &scenario, |own| frames_of(lua, own, &defaults))?;
-        evaluated.raw_set(key, scenario)?;
+/// `pdk.drive`: submits all scenarios, and waits for all. They are read one by one, since all of them as one value would take much memory.
+fn drive(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
+    let (shared, list) = without_scenarios(lua, request)?;
+    let shared_values = from_lua(&shared, "pdk.drive").map_err(ExternalError::into_lua_err)?;
+    let defaults = with_host(lua, |host| host.defaults().drive(shared_values))?;
+    let mut prepared = Vec::new();
+    if let (Some(list), Some(shared)) = (list, shared.as_table()) {
+        let own_defaults = |field: &str| shared.raw_get::<LuaValue>(field);
+        for (number, scenario) in (1..).zip(entries(&list, "pdk.drive.scenarios")) {
+            let scenario = scenario.map_err(ExternalError::into_lua_err)?;
+            let scenario = levels::evaluated(lua, &scenario, |own| frames_of(lua, own, &own_defaults))?;
+            let read = from_lua(&scenario, &format!("pdk.drive.scenarios[{number}]"));
+            let read = read.map_err(ExternalError::into_lua_err)?;
+            let place = format!("pdk.drive: scenarios[{number}]");
+            prepared.push(with_host(lua, |host| host.prepare(defaults.submission(&place, read)?))?);
+        }
     }
-    let copy = lua.create_table()?;
+    let tickets = with_host(lua, |host| host.submit(prepared))?;
+    all_outcomes(lua, tickets, Host::wait)
+}
+
+/// A request of `pdk.drive`, and its list of scenarios. In the request, one entry stands for the list.
+fn without_scenarios(lua: &Lua, request: &LuaValue) -> mlua::Result<(LuaValue, Option<Table>)> {
+    let list = request.as_table().map(|table| table.raw_get::<LuaValue>(SCENARIOS)).transpose()?;
+    let list = list.as_ref().and_then(LuaValue::as_table).filter(|list| list.raw_len() > 0);
+    let (Some(table), Some(list)) = (request.as_table(), list) else { return Ok((request.clone(), None)) };
+    let shared = lua.create_table()?;
     for pair in table.pairs::<LuaValue, LuaValue>() {
         let (key, value) = pair?;
-        copy.raw_set(key, value)?;
+        shared.raw_set(key, value)?;
     }
-    copy.raw_set("scenarios", evaluated)?;
-    Ok(LuaValue::Table(copy))
+    shared.raw_set(SCENARIOS, [true])?;
+    Ok((LuaValue::Table(shared), Some(list.clone())))
 }
 
 #[cfg(test)]

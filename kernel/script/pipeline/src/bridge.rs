@@ -12,6 +12,8 @@ use crate::values::{from_lua, to_lua};
 
 /// Where the metatable of outcomes is kept in a virtual machine.
 const OUTCOME: &str = "pdk outcome";
+/// The field of an outcome that says whose it is.
+const TICKET: &str = "ticket";
 
 /// A function of the host as a Lua function: values cross as JSON, and the time it takes is not the script's.
 pub fn function<const N: usize>(
@@ -37,37 +39,48 @@ pub fn call(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::R
     to_lua(lua, &result)
 }
 
-/// Calls the host, and hands the outcome, or the list of outcomes, that it returns to the script.
-pub fn outcomes(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::Result<LuaValue> {
+/// Calls the host, and hands the outcome that it returns to the script.
+pub fn outcome(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::Result<LuaValue> {
     let result = with_host(lua, work)?;
-    outcomes_to_lua(lua, &result)
+    outcome_to_lua(lua, &result)
 }
 
-/// An outcome or a list of them for a script, for which a field that outcomes do not have is an error.
-pub fn outcomes_to_lua(lua: &Lua, result: &Value) -> mlua::Result<LuaValue> {
-    let list = result.as_array().map_or(std::slice::from_ref(result), Vec::as_slice);
+/// Waits for the outcomes of these tickets, and hands them to the script one by one, since there may be many. If one of them is an error, the
+/// others are waited for as well: then nothing is under way any more when the script goes on.
+pub fn all_outcomes<T>(
+    lua: &Lua,
+    tickets: Vec<T>,
+    mut wait: impl FnMut(&mut Host, T) -> Result<Value>,
+) -> mlua::Result<LuaValue> {
+    let list = lua.create_table()?;
+    let mut error = None;
+    for ticket in tickets {
+        match outcome(lua, |host| wait(host, ticket)) {
+            Ok(outcome) => list.raw_push(outcome)?,
+            Err(other) => error = error.or(Some(other)),
+        }
+    }
+    error.map_or(Ok(LuaValue::Table(list)), Err)
+}
+
+/// An outcome for a script, for which a field that outcomes do not have is an error.
+pub fn outcome_to_lua(lua: &Lua, result: &Value) -> mlua::Result<LuaValue> {
     let value = to_lua(lua, result)?;
-    let (Some(fields), Some(table)) = (list.iter().find_map(Value::as_object), value.as_table()) else {
-        return Ok(value);
-    };
+    let (Some(fields), Some(table)) = (result.as_object(), value.as_table()) else { return Ok(value) };
     let metatable = match lua.named_registry_value::<Option<Table>>(OUTCOME)? {
         Some(metatable) => metatable,
         None => {
             // Also the fields that say nothing, which Lua does not see. The ticket belongs to outcomes of `next` alone.
-            let known = fields.keys().cloned().chain(["ticket".to_owned()]).collect();
+            let mut known: Vec<String> = fields.keys().cloned().collect();
+            if !fields.contains_key(TICKET) {
+                known.push(TICKET.to_owned());
+            }
             let metatable = strict(lua, "an outcome", "field", known)?;
             lua.set_named_registry_value(OUTCOME, &metatable)?;
             metatable
         }
     };
-    match result.is_array() {
-        true => {
-            for row in table.sequence_values::<Table>() {
-                row?.set_metatable(Some(metatable.clone()))?;
-            }
-        }
-        false => table.set_metatable(Some(metatable))?,
-    }
+    table.set_metatable(Some(metatable))?;
     Ok(value)
 }
 

@@ -1,11 +1,10 @@
 //! What a run came to.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use pdk_record::ledger::Line;
 use pdk_sdk::error::Error;
-use serde::ser::{Serialize, SerializeStruct, Serializer};
+use pdk_session::session::WrittenOutcome;
+use serde::ser::{Error as _, Serialize, SerializeSeq, SerializeStruct, Serializer};
 use serde_json::Value;
 
 use crate::outcomes::{Submitted, outcome_row};
@@ -28,7 +27,7 @@ pub struct Finished {
 /// The table at the end of a run. A scenario that was submitted often has many rows, so they are made one by one while it is written.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    pub(crate) outcomes: Vec<(Submitted, Arc<Line>)>,
+    pub(crate) outcomes: Vec<(Submitted, WrittenOutcome)>,
     pub(crate) evaluations: Vec<Value>,
 }
 
@@ -41,10 +40,15 @@ impl Serialize for Summary {
     }
 }
 
-struct Rows<'a>(&'a [(Submitted, Arc<Line>)]);
+struct Rows<'a>(&'a [(Submitted, WrittenOutcome)]);
 
 impl Serialize for Rows<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.iter().map(|(submitted, line)| outcome_row(line, submitted)))
+        let mut rows = serializer.serialize_seq(Some(self.0.len()))?;
+        for (submitted, outcome) in self.0 {
+            let outcome = outcome.read().map_err(S::Error::custom)?;
+            rows.serialize_element(&outcome_row(&outcome, submitted))?;
+        }
+        rows.end()
     }
 }

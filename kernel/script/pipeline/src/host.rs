@@ -99,7 +99,7 @@ impl Host {
         let text = table::render(result)?;
         let ids =
             result.as_array().into_iter().flatten().filter_map(|outcome| outcome["id"].as_str()).collect();
-        for sentence in self.scenarios.failing_unperturbed(&ids) {
+        for sentence in self.scenarios.failing_unperturbed(&ids)? {
             self.print(&sentence);
         }
         self.print(&text);

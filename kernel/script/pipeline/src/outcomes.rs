@@ -3,7 +3,7 @@
 use pdk_model::described::value;
 use pdk_model::outcome::{Outcome, Verdict};
 use pdk_model::scenario::ScenarioId;
-use pdk_record::ledger::Line;
+use pdk_sdk::describe::Kind;
 use serde_json::{Value, json};
 
 /// A scenario that was submitted.
@@ -17,11 +17,15 @@ pub(crate) struct Submitted {
     pub name: String,
     /// How many frames it may have.
     pub expected: u64,
+    /// The driver, if there are no perturbations.
+    pub unperturbed: Option<String>,
+    /// Its components that went wrong when they were made, by kind and what they are made from.
+    pub fatal: Vec<(Kind, String)>,
 }
 
 /// What a pipeline and the summary see of an outcome.
-pub(crate) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
-    row(submitted, value(&line.outcome.cause), line.outcome.cause.verdict(), &line.outcome)
+pub(crate) fn outcome_row(outcome: &Outcome, submitted: &Submitted) -> Value {
+    row(submitted, value(&outcome.cause), outcome.cause.verdict(), outcome)
 }
 
 /// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.

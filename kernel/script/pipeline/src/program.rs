@@ -2,13 +2,12 @@
 //! its record is like any other and can be continued.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use pdk_components::catalog::Catalog;
 use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame};
 use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Outcome;
 use pdk_model::scenario::Scenario;
-use pdk_record::ledger::Line;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Session, Submission, Ticket};
@@ -82,20 +81,20 @@ impl Program {
         self.host.settle(scenario);
     }
 
-    /// Submits scenarios.
+    /// Submits a scenario.
     ///
     /// # Errors
     /// If a component cannot be made, or the record cannot be written or is that of another run.
-    pub fn submit(&mut self, submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
-        self.host.submit(submissions)
+    pub fn submit(&mut self, submission: Submission) -> Result<Ticket> {
+        self.host.submit_one(submission)
     }
 
     /// Waits for what came of a scenario.
     ///
     /// # Errors
     /// If the session cannot go on.
-    pub fn wait(&mut self, ticket: Ticket) -> Result<Arc<Line>> {
-        self.host.line(ticket)
+    pub fn wait(&mut self, ticket: Ticket) -> Result<Outcome> {
+        self.host.outcome(ticket)
     }
 
     /// Opens a recording: a folder, a file, or a reader with its parameters. Its files are noted.

@@ -152,11 +152,13 @@ impl Server {
             }
             Call::Submit(scenarios) => {
                 let one = |(number, Unique(scenario))| {
-                    stop_if_dropped()?;
-                    defaults.submission(&format!("scenario {number}"), from_program(scenario))
+                    let place = format!("scenario {number}");
+                    host.prepare(defaults.submission(&place, from_program(scenario))?)
                 };
-                let submissions = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
-                Ok(json!(tickets.add(host.submit(submissions)?)))
+                let prepared = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+                let numbers: Vec<u64> =
+                    host.submit(prepared)?.into_iter().map(|ticket| tickets.add(ticket)).collect();
+                Ok(json!(numbers))
             }
             Call::Wait(ticket) => {
                 let outcome = tickets.wait(host, &ticket)?;

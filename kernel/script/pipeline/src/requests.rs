@@ -17,6 +17,8 @@ use serde_json::Value;
 use crate::fields::Fields;
 use crate::run_settings::RunSettings;
 
+/// The field of `pdk.drive` with the list of scenarios.
+pub const SCENARIOS: &str = "scenarios";
 /// Every how many frames an image goes into the trace, where the pipeline does not say.
 const DEFAULT_IMAGES_EVERY: u64 = 6;
 /// The drift of the steering that an evaluation tolerates, if the pipeline does not say.
@@ -127,20 +129,15 @@ impl Defaults {
         Ok(Self { shared: self.shared.take(fields)?, ..self })
     }
 
-    /// What `pdk.drive` takes: defaults, and a list of scenarios.
+    /// The defaults in what `pdk.drive` takes. Its scenarios are read one by one: of a list of them, any entry may stand for all.
     ///
     /// # Errors
     /// If a field is unknown, missing, of the wrong type or out of range.
-    pub fn drive(self, request: Value) -> Result<Vec<Submission>> {
-        let known: Vec<&str> = SHARED.iter().copied().chain(["scenarios"]).collect();
+    pub fn drive(self, request: Value) -> Result<Self> {
+        let known: Vec<&str> = SHARED.iter().copied().chain([SCENARIOS]).collect();
         let mut fields = Fields::new("pdk.drive", request, &known)?;
-        let scenarios = fields.filled_list("scenarios")?;
-        let defaults = self.take(&mut fields)?;
-        let scenario = |(index, scenario): (usize, Value)| {
-            // As Lua counts.
-            defaults.submission(&format!("pdk.drive: scenarios[{}]", index + 1), scenario)
-        };
-        scenarios.into_iter().enumerate().map(scenario).collect()
+        fields.filled_list(SCENARIOS)?;
+        self.take(&mut fields)
     }
 
     /// A scenario in a table; `place` says in errors which.
@@ -317,7 +314,12 @@ mod tests {
 
     fn drive(request: Value) -> Result<Vec<Submission>> {
         let own_clock = BTreeSet::from(["donkey".to_owned()]);
-        Defaults { shared: Shared::default(), seed: 0, own_clock }.drive(request)
+        let scenarios = request[SCENARIOS].as_array().cloned().unwrap_or_default();
+        let defaults = Defaults { shared: Shared::default(), seed: 0, own_clock }.drive(request)?;
+        let one = |(number, scenario)| {
+            defaults.submission(&format!("pdk.drive: scenarios[{}]", number + 1), scenario)
+        };
+        scenarios.into_iter().enumerate().map(one).collect()
     }
 
     #[test]

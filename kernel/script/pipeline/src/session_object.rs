@@ -3,7 +3,7 @@
 use mlua::{ExternalError, Lua, UserData, UserDataMethods, UserDataRegistry, Value as LuaValue};
 use pdk_lua::{ApiClass, ApiMethod};
 
-use crate::bridge::{frames_of, outcomes, with_host};
+use crate::bridge::{all_outcomes, frames_of, outcome, with_host};
 use crate::levels;
 use crate::requests::Defaults;
 use crate::tickets::Tickets;
@@ -32,9 +32,8 @@ impl SessionObject {
         let place = "session:submit";
         let table = from_lua(&scenario, place).map_err(ExternalError::into_lua_err)?;
         let submission = self.defaults.submission(place, table).map_err(ExternalError::into_lua_err)?;
-        let tickets = with_host(lua, |host| host.submit(vec![submission]))?;
-        // One scenario has one ticket.
-        Ok(self.tickets.add(tickets)[0])
+        let ticket = with_host(lua, |host| host.submit_one(submission))?;
+        Ok(self.tickets.add(ticket))
     }
 }
 
@@ -61,7 +60,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             add: |registry, name| {
                 registry.add_method_mut(name, |lua, session, ticket: LuaValue| {
                     let number = from_lua(&ticket, "session:wait").map_err(ExternalError::into_lua_err)?;
-                    outcomes(lua, |host| session.tickets.wait(host, &number))
+                    outcome(lua, |host| session.tickets.wait(host, &number))
                 });
             },
         },
@@ -71,9 +70,8 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             doc: "Waits for the next outcome, in order of arrival. Returns nil if all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
-                registry.add_method_mut(name, |lua, session, ()| {
-                    outcomes(lua, |host| session.tickets.next(host))
-                });
+                registry
+                    .add_method_mut(name, |lua, session, ()| outcome(lua, |host| session.tickets.next(host)));
             },
         },
         ApiMethod {
@@ -86,9 +84,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
                         .iter()
                         .map(|scenario| session.submit(lua, scenario))
                         .collect::<mlua::Result<Vec<u64>>>()?;
-                    outcomes(lua, |host| {
-                        tickets.iter().map(|ticket| session.tickets.wait(host, &(*ticket).into())).collect()
-                    })
+                    all_outcomes(lua, tickets, |host, ticket| session.tickets.wait(host, &ticket.into()))
                 });
             },
         },

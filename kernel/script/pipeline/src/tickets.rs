@@ -25,16 +25,13 @@ impl Tickets {
         Self { function, tickets: BTreeMap::new(), numbers: BTreeMap::new(), open: BTreeSet::new() }
     }
 
-    /// Takes tickets, and returns their numbers.
-    pub fn add(&mut self, tickets: Vec<Ticket>) -> Vec<u64> {
-        let number = |ticket| {
-            let number = self.tickets.len() as u64 + 1;
-            self.tickets.insert(number, ticket);
-            self.numbers.insert(ticket, number);
-            self.open.insert(ticket);
-            number
-        };
-        tickets.into_iter().map(number).collect()
+    /// Takes a ticket, and returns its number.
+    pub fn add(&mut self, ticket: Ticket) -> u64 {
+        let number = self.tickets.len() as u64 + 1;
+        self.tickets.insert(number, ticket);
+        self.numbers.insert(ticket, number);
+        self.open.insert(ticket);
+        number
     }
 
     /// The ticket with a number.

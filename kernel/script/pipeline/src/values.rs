@@ -51,6 +51,41 @@ fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE).then_some(value as i64)
 }
 
+/// The entries of a list, one by one.
+///
+/// # Errors
+/// If it has a gap or fields besides, at the entry where that shows.
+pub fn entries(list: &Table, place: &str) -> impl Iterator<Item = Result<LuaValue>> {
+    let length = list.raw_len();
+    list.pairs::<LuaValue, LuaValue>().map(move |pair| {
+        let (key, value) = pair.map_err(|error| unreadable(place, &error))?;
+        match index(&key) {
+            Some(index) => check_index(index, length, place).map(|()| value),
+            None => Err(list_and_fields(place)),
+        }
+    })
+}
+
+/// Where in a list a key is, from 1; none if it is not a number.
+fn index(key: &LuaValue) -> Option<f64> {
+    key.as_f64().or_else(|| key.as_i64().map(|index| index as f64))
+}
+
+fn check_index(index: f64, length: usize, place: &str) -> Result<()> {
+    match index.fract() == 0.0 && index >= 1.0 && index <= length as f64 {
+        true => Ok(()),
+        false => Err(Error::new(format!("{place} has a gap: its list has an entry {index} of {length}"))),
+    }
+}
+
+fn unreadable(place: &str, error: &mlua::Error) -> Error {
+    Error::new(format!("{place} cannot be read ({error})"))
+}
+
+fn list_and_fields(place: &str) -> Error {
+    Error::new(format!("{place} is a list and has fields as well; it can be one of the two"))
+}
+
 fn read(value: &LuaValue, place: &str, depth: usize) -> Result<Value> {
     if depth > DEEPEST {
         return Err(Error::new(format!("{place} is too deep; does a table hold itself?")));
@@ -83,27 +118,21 @@ fn number(value: f64, place: &str) -> Result<Value> {
 /// An empty table counts as an empty list. No request has an empty table for which the difference matters.
 fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
     let length = table.raw_len();
-    let unreadable = |error: mlua::Error| Error::new(format!("{place} cannot be read ({error})"));
     let mut list = Vec::with_capacity(length);
     let mut fields = Map::new();
     for pair in table.pairs::<LuaValue, LuaValue>() {
-        let (key, value) = pair.map_err(unreadable)?;
-        match &key {
-            LuaValue::String(key) => {
+        let (key, value) = pair.map_err(|error| unreadable(place, &error))?;
+        match (&key, index(&key)) {
+            (LuaValue::String(key), _) => {
                 let key = key.to_string_lossy();
                 let value = read(&value, &format!("{place}.{key}"), depth + 1)?;
                 fields.insert(key, value);
             }
-            LuaValue::Integer(_) | LuaValue::Number(_) => {
-                let index = key.as_f64().or(key.as_i64().map(|index| index as f64)).unwrap_or_default();
-                if index.fract() != 0.0 || index < 1.0 || index > length as f64 {
-                    return Err(Error::new(format!(
-                        "{place} has a gap: its list has an entry {index} of {length}"
-                    )));
-                }
+            (_, Some(index)) => {
+                check_index(index, length, place)?;
                 list.push(read(&value, &format!("{place}[{index}]"), depth + 1)?);
             }
-            other => {
+            (other, None) => {
                 return Err(Error::new(format!(
                     "{place} has a {} as a key; keys are texts",
                     other.type_name()
@@ -112,9 +141,7 @@ fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
         }
     }
     match (list.is_empty(), fields.is_empty()) {
-        (false, false) => {
-            Err(Error::new(format!("{place} is a list and has fields as well; it can be one of the two")))
-        }
+        (false, false) => Err(list_and_fields(place)),
         (_, true) => Ok(Value::Array(list)),
         (true, false) => {
             // A script's tables have no order that means anything.

@@ -158,8 +158,8 @@ impl Dispatch {
             }
             let message =
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
-            let answer = match &task.work {
-                Work::Drive(drive) => match write_trace(drive, &message) {
+            let answer = match task.work.as_deref() {
+                Some(Work::Drive(drive)) => match write_trace(drive, &message) {
                     Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
                     Err(error) => Answer::Broken(error.into()),
                 },
@@ -184,19 +184,19 @@ impl Dispatch {
             }
             return Ok(());
         };
-        let limit = |work: &Work| {
+        let limit = |work: Option<&Work>| {
             // Making components, or the calls for one frame, of which a worker tells when it is done.
-            let calls = match work {
-                Work::Drive(_) | Work::Make(_) | Work::InputFiles(_) | Work::Search(_) => 4,
-                Work::Evaluate(_) => 8,
-            };
+            let calls = if matches!(work, Some(Work::Evaluate(_))) { 8 } else { 4 };
             patience.saturating_mul(calls).saturating_add(GRACE)
         };
         let silent = self.workers.connections.iter().position(|connection| {
             let starting =
                 connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
             let late = |number: &u64| {
-                self.jobs.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+                self.jobs
+                    .tasks
+                    .get(number)
+                    .is_some_and(|task| task.heard.elapsed() > limit(task.work.as_deref()))
             };
             starting || connection.jobs().iter().any(late)
         });

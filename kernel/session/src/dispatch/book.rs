@@ -1,8 +1,8 @@
 //! What the session records, and what is recorded already.
 
 use std::collections::HashSet;
-use std::path::PathBuf;
 
+use pdk_loop::protocol::Drive;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::ScenarioId;
 use pdk_notice::eprintln;
@@ -10,7 +10,7 @@ use pdk_record::ledger::Line;
 use pdk_record::trace::reader::{self, Owner};
 use pdk_sdk::error::{Error, Result};
 
-use crate::submission::{Record, Submission};
+use crate::submission::{Record, Submission, WaitingSubmission, WrittenOutcome};
 
 /// The record with what the session knows about it.
 #[derive(Default)]
@@ -21,19 +21,17 @@ pub struct Book {
     order: Vec<ScenarioId>,
     /// Those that were driven, rather than found in the ledger.
     driven: HashSet<ScenarioId>,
+    /// Whether there are lines that may not be on the disk yet.
+    unsynced: bool,
 }
 
 impl Book {
-    /// The line of a scenario that need not be driven, and whether it was there before the session; and the file of its trace.
+    /// The outcome of a scenario that need not be driven, and whether it was there before the session.
     ///
     /// # Errors
     /// If the ledger cannot be read.
-    pub fn look_up(&mut self, id: &ScenarioId) -> Result<(Option<(Line, bool)>, PathBuf)> {
-        let Some(Record { directory, ledger, keep_errors }) = &self.record else {
-            return Err(Error::new(
-                "a scenario was submitted before the record was opened, which is a defect in pdk",
-            ));
-        };
+    pub fn look_up(&mut self, id: &ScenarioId) -> Result<Option<(WrittenOutcome, bool)>> {
+        let Record { directory, ledger, keep_errors } = self.opened()?;
         let before = !self.driven.contains(id);
         // What failed in an earlier session may go better now.
         let counts = |line: &Line| !before || *keep_errors || line.outcome.cause != Cause::Error;
@@ -55,21 +53,49 @@ impl Book {
                 }
         });
         self.order.push(*id);
-        Ok((known.map(|line| (line, before)), trace))
+        known.map(|line| Ok((WrittenOutcome::new(&line.outcome)?, before))).transpose()
     }
 
-    /// Adds what came of a scenario, and returns its line.
+    fn opened(&self) -> Result<&Record> {
+        let none = "a scenario was submitted before the record was opened, which is a defect in pdk";
+        self.record.as_ref().ok_or_else(|| Error::new(none))
+    }
+
+    /// What a worker is to do for a submission.
+    ///
+    /// # Errors
+    /// If no record was opened.
+    pub fn drive(&self, submission: &WaitingSubmission) -> Result<Drive> {
+        let trace = self.opened()?.directory.trace(&submission.id)?;
+        let trace = Some(std::path::absolute(&trace).unwrap_or(trace));
+        let Submission { scenario, name, images_every } = submission.read()?;
+        Ok(Drive { scenario, name, trace, images_every, skips: None, view: None })
+    }
+
+    /// Adds what came of a scenario, which is on the disk after the next [`sync`](Self::sync).
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn add(&mut self, submission: &Submission, outcome: Outcome) -> Result<Line> {
-        let Submission { scenario, name, images_every } = submission.clone();
-        let line = Line { id: scenario.id(), name, scenario, images_every, outcome };
+    pub fn add(&mut self, id: ScenarioId, drive: &Drive, outcome: Outcome) -> Result<WrittenOutcome> {
+        let Drive { scenario, name, images_every, .. } = drive.clone();
+        let line = Line { id, name, scenario, images_every, outcome };
         if let Some(record) = &mut self.record {
-            record.ledger.add(&line)?;
+            record.ledger.push(&line)?;
+            self.unsynced = true;
         }
-        self.driven.insert(line.id);
-        Ok(line)
+        self.driven.insert(id);
+        WrittenOutcome::new(&line.outcome)
+    }
+
+    /// Makes sure that what was added survives a power cut.
+    ///
+    /// # Errors
+    /// If the disk does not take it.
+    pub fn sync(&mut self) -> Result<()> {
+        match &mut self.record {
+            Some(record) if std::mem::take(&mut self.unsynced) => record.ledger.sync(),
+            _ => Ok(()),
+        }
     }
 
     /// Puts the ledger into the order in which the scenarios were submitted.
@@ -77,6 +103,7 @@ impl Book {
     /// # Errors
     /// If it cannot be written.
     pub fn finish(&mut self) -> Result<()> {
+        self.sync()?;
         match &mut self.record {
             Some(record) => record.ledger.finish(&self.order),
             None => Ok(()),

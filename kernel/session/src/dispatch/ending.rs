@@ -60,10 +60,11 @@ impl Dispatch {
     pub(super) fn drop_tasks(&mut self, numbers: Vec<u64>) {
         for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
-            if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
+            if let Some(Task { work: Some(work), submission: Some(submission), .. }) =
                 self.jobs.tasks.get(&number)
+                && let Work::Drive(drive) = &**work
                 && let (Some(trace), Some(record)) = (&drive.trace, &self.book.record)
-                && !record.ledger.has(&submission.scenario.id())
+                && !record.ledger.has(&submission.id)
             {
                 let _ = std::fs::remove_file(trace);
             }
@@ -99,12 +100,13 @@ impl Dispatch {
         self.workers.let_go(LEAVE);
         while !speaking.is_empty() {
             match events.recv_timeout(LAST_WORDS) {
-                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => {
-                    self.tally.note(sentence)
-                }
-                Ok(Event::Worker(number, Found::End)) => {
-                    speaking.remove(&number);
-                }
+                Ok(Event::Worker(number, found)) => match *found {
+                    Found::Message(FromWorker::Trouble(sentence)) => self.tally.note(sentence),
+                    Found::End => {
+                        speaking.remove(&number);
+                    }
+                    _ => {}
+                },
                 Ok(_) => {}
                 Err(_) => break,
             }

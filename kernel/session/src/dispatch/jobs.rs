@@ -6,14 +6,14 @@ use std::time::Instant;
 use pdk_loop::protocol::Work;
 use pdk_model::scenario::ScenarioId;
 
-use crate::submission::{Submission, Ticket};
+use crate::submission::{Ticket, WaitingSubmission};
 
 /// A job and who waits for it.
 pub struct Task {
-    /// What there is to do.
-    pub work: Work,
-    /// For a scenario that is recorded: what its line needs.
-    pub submission: Option<Box<Submission>>,
+    /// What there is to do; none while a scenario waits that is recorded.
+    pub work: Option<Box<Work>>,
+    /// A scenario that is recorded, as it waits.
+    pub submission: Option<WaitingSubmission>,
     /// Who waits for it.
     pub waiting: Vec<Ticket>,
     /// How often it was given away.
@@ -32,7 +32,7 @@ pub struct Task {
 
 impl Task {
     /// A task for the holder of this ticket.
-    pub fn new(work: Work, submission: Option<Box<Submission>>, ticket: Ticket) -> Self {
+    pub fn new(work: Option<Box<Work>>, submission: Option<WaitingSubmission>, ticket: Ticket) -> Self {
         let now = Instant::now();
         Self {
             work,
@@ -66,7 +66,7 @@ impl Jobs {
         let number = self.next;
         self.next += 1;
         if let Some(submission) = &task.submission {
-            self.scenarios.insert(submission.scenario.id(), number);
+            self.scenarios.insert(submission.id, number);
         }
         self.tasks.insert(number, task);
         self.queue.push_back(number);
@@ -81,7 +81,7 @@ impl Jobs {
     pub fn remove(&mut self, number: u64) -> Option<Task> {
         let task = self.tasks.remove(&number)?;
         if let Some(submission) = &task.submission {
-            self.scenarios.remove(&submission.scenario.id());
+            self.scenarios.remove(&submission.id);
         }
         Some(task)
     }

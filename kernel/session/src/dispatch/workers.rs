@@ -63,7 +63,8 @@ impl Workers {
         let number = self.opened;
         self.opened += 1;
         let sender = self.sender.clone();
-        let connection = Connection::open(&self.pool, &self.hello, number, free, sender, Event::Worker)?;
+        let wrap = |number, found| Event::Worker(number, Box::new(found));
+        let connection = Connection::open(&self.pool, &self.hello, number, free, sender, wrap)?;
         self.connections.push(connection);
         Ok(())
     }

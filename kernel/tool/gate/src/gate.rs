@@ -290,10 +290,7 @@ impl Conduct {
         } else {
             let name = called(step, role, repeat);
             let submission = Submission { scenario: scenario.clone(), name, images_every: 0 };
-            let ticket = program.submit(vec![submission])?.first().copied();
-            State::Driven(
-                ticket.ok_or_else(|| Error::new("a scenario got no ticket, which is a defect in pdk"))?,
-            )
+            State::Driven(program.submit(submission)?)
         };
         Ok(Given { scenario, state })
     }
@@ -308,7 +305,7 @@ impl Conduct {
     ) -> Result<(Came, bool)> {
         Ok(match &given.state {
             State::Known(came) => ((**came).clone(), true),
-            State::Driven(ticket) => (Came::Drive(Box::new(program.wait(*ticket)?.outcome.clone())), false),
+            State::Driven(ticket) => (Came::Drive(Box::new(program.wait(*ticket)?)), false),
             State::Evaluated(ticket) => {
                 let frames = program.evaluated(*ticket)?;
                 let stretch = Stretch::of(&given.scenario)

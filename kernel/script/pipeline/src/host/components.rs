@@ -4,12 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::Scenario;
 use pdk_network::reason::ASSUMED;
+use pdk_record::manifest::components_of;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::session::Session;
 use serde_json::Value;
+
+use crate::outcomes::Submitted;
 
 /// A component, by its kind and what it is made from.
 pub(super) type Key = (Kind, String);
@@ -30,7 +34,7 @@ pub(super) struct Components {
     /// Those whose files have been noted.
     read: BTreeSet<Key>,
     /// Those that panicked then, took their process along or did not come back, and how.
-    pub fatal: BTreeMap<Key, Error>,
+    fatal: BTreeMap<Key, Error>,
     /// What scenarios and evaluations left to the machine, such as the engine of networks, and what it was.
     pub settled: Vec<(String, String)>,
     /// The contents of the files that scenarios name, by their paths.
@@ -85,6 +89,25 @@ impl Components {
             }
             made => made,
         }
+    }
+
+    /// The components of a scenario that went wrong when they were made.
+    ///
+    /// # Errors
+    /// If one cannot be JSON.
+    pub fn fatal_of(&self, scenario: &Scenario) -> Result<Vec<Key>> {
+        if self.fatal.is_empty() {
+            return Ok(Vec::new());
+        }
+        let keys = components_of(scenario).into_iter().map(|(kind, component)| key(kind, &component));
+        keys.filter(|key| key.as_ref().map_or(true, |key| self.fatal.contains_key(key))).collect()
+    }
+
+    /// How components of these scenarios went wrong when they were made, each once. If the scenarios went well all the same, a component
+    /// crashes only when it is dropped.
+    pub fn troubles<'a>(&'a self, scenarios: impl Iterator<Item = &'a Submitted>) -> Vec<String> {
+        let keys: BTreeSet<&Key> = scenarios.flat_map(|submitted| &submitted.fatal).collect();
+        keys.into_iter().filter_map(|key| self.fatal.get(key)).map(ToString::to_string).collect()
     }
 
     /// Whether the files of a component are to be noted, which is so once. One that cannot be made does not come to read anything.

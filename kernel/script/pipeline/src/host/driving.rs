@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use pdk_loop::drive::expected_frames;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Cause;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_record::manifest::components_of;
@@ -12,53 +13,72 @@ use pdk_record::settle::Settler;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
-use pdk_session::session::{Reply, Submission, Ticket};
+use pdk_session::session::{Reply, Submission, Ticket, WaitingSubmission};
 use serde_json::Value;
 
 use super::Host;
+use super::scenarios::Came;
 use crate::follow::Audience;
 use crate::outcomes::{Submitted, outcome_row, row_of_elsewhere};
 
+/// A scenario that can be submitted.
+pub(crate) struct Prepared {
+    waiting: WaitingSubmission,
+    /// What is kept of it, but for its number.
+    submitted: Submitted,
+}
+
 impl Host {
-    /// Submits scenarios, after making sure that their components can be made.
-    pub(crate) fn submit(&mut self, mut submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
-        let mut settler = self.settler();
-        for Submission { scenario, name, .. } in &mut submissions {
-            let was_named_after_itself = *name == scenario.default_name();
-            settler.scenario(scenario);
-            if was_named_after_itself {
-                *name = scenario.default_name();
-            }
+    /// Settles a scenario, and makes sure that its components can be made.
+    pub(crate) fn prepare(&mut self, mut submission: Submission) -> Result<Prepared> {
+        stop_if_dropped()?;
+        let Submission { scenario, name, .. } = &mut submission;
+        let was_named_after_itself = *name == scenario.default_name();
+        self.settler().scenario(scenario);
+        if was_named_after_itself {
+            *name = scenario.default_name();
         }
-        for Submission { scenario, .. } in &submissions {
-            stop_if_dropped()?;
-            self.check(scenario)?;
-        }
+        let simulator = self.check(scenario)?;
+        // A simulator that cannot be made has no rate, and its scenarios no frames.
+        let expected = expected_frames(scenario, simulator.camera.map_or(0.0, |camera| camera.rate));
+        let unperturbed = scenario.perturbations.is_empty().then(|| scenario.driver.name.clone());
+        let fatal = self.components.fatal_of(scenario)?;
+        let waiting = submission.waiting()?;
+        let submitted =
+            Submitted { number: 0, id: waiting.id, name: submission.name, expected, unperturbed, fatal };
+        Ok(Prepared { waiting, submitted })
+    }
+
+    /// Submits scenarios.
+    pub(crate) fn submit(&mut self, prepared: Vec<Prepared>) -> Result<Vec<Ticket>> {
         self.begin()?;
         self.record.open_ledger(&mut self.session, self.setup.common.keep_errors)?;
-        let mut tickets = Vec::with_capacity(submissions.len());
-        for submission in submissions {
+        let mut tickets = Vec::with_capacity(prepared.len());
+        for Prepared { waiting, mut submitted } in prepared {
             stop_if_dropped()?;
-            // A simulator that cannot be made has no rate, and its scenarios no frames.
-            let simulator = submission.scenario.simulator.clone();
-            let rate =
-                self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
-            let expected = expected_frames(&submission.scenario, rate);
             if self.scenarios.are_over() {
                 self.frames.restart(self.setup.audience, self.session.frames());
             }
-            let id = submission.scenario.id();
-            let number = self.scenarios.number(id);
-            let name = submission.name.clone();
-            let (ticket, expected) = match self.setup.common.shard.is_none_or(|shard| shard.has(number)) {
-                true => (self.session.submit(submission), expected),
-                false => (self.session.set_aside(), 0),
+            submitted.number = self.scenarios.number(waiting.id);
+            let ticket = match self.setup.common.shard.is_none_or(|shard| shard.has(submitted.number)) {
+                true => self.session.submit(waiting),
+                false => {
+                    submitted.expected = 0;
+                    self.session.set_aside()
+                }
             };
-            self.frames.expect(expected);
-            self.scenarios.submitted.insert(ticket, Submitted { number, id, name, expected });
+            self.frames.expect(submitted.expected);
+            self.scenarios.submitted.insert(ticket, submitted);
             tickets.push(ticket);
         }
         Ok(tickets)
+    }
+
+    /// Prepares a scenario and submits it.
+    pub(crate) fn submit_one(&mut self, submission: Submission) -> Result<Ticket> {
+        let prepared = self.prepare(submission)?;
+        let none = || Error::new("a scenario got no ticket, which is a defect in pdk");
+        self.submit(vec![prepared])?.pop().ok_or_else(none)
     }
 
     /// Settles what scenarios and evaluations leave to the machine.
@@ -89,7 +109,7 @@ impl Host {
     /// An outcome that was taken, as scripts see it.
     pub(super) fn row(&self, ticket: Ticket) -> Result<Value> {
         match (self.scenarios.outcomes.get(&ticket), self.scenarios.submitted.get(&ticket)) {
-            (Some(Ok(Some(line))), Some(submitted)) => Ok(outcome_row(line, submitted)),
+            (Some(Ok(Some(came))), Some(submitted)) => Ok(outcome_row(&came.outcome.read()?, submitted)),
             (Some(Ok(None)), Some(submitted)) => Ok(row_of_elsewhere(submitted)),
             (Some(Err(error)), _) => Err(error.clone()),
             _ => Err(Error::new("nothing was submitted under this ticket")),
@@ -116,13 +136,15 @@ impl Host {
 
     fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
         let line = reply.and_then(|reply| match reply {
-            Reply::Recorded(line, known) => {
-                let driven = if known { 0 } else { line.outcome.frames };
+            Reply::Recorded(written, known) => {
+                let outcome = written.read()?;
+                let driven = if known { 0 } else { outcome.frames };
                 let submitted = self.scenarios.submitted.get(&ticket);
                 self.scenarios.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
                 let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.frames.spare(expected, driven);
-                Ok(Some(line))
+                let error = outcome.error.filter(|_| outcome.cause == Cause::Error);
+                Ok(Some(Came { outcome: written, error }))
             }
             Reply::Elsewhere => Ok(None),
             _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
@@ -131,15 +153,6 @@ impl Host {
         if self.scenarios.are_over() {
             self.frames.finish();
         }
-    }
-
-    /// `pdk.drive`: submits all, and waits for all.
-    pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
-        let submissions = self.defaults().drive(request)?;
-        let tickets = self.submit(submissions)?;
-        // All of them, also where one of them is an error: then nothing of this drive is still under way when the script goes on.
-        let rows: Vec<Result<Value>> = tickets.into_iter().map(|ticket| self.wait(ticket)).collect();
-        rows.into_iter().collect::<Result<_>>().map(Value::Array)
     }
 
     /// Frames a second of a simulator's camera.
@@ -163,9 +176,9 @@ impl Host {
         self.components.try_to_make(&mut self.session, kind, component)
     }
 
-    /// Makes sure that a scenario's components can be made, and notes them.
-    fn check(&mut self, scenario: &Scenario) -> Result<()> {
-        self.try_to_make(Kind::Simulator, &scenario.simulator)?;
+    /// Makes sure that a scenario's components can be made, and notes them. Returns what its simulator is like.
+    fn check(&mut self, scenario: &Scenario) -> Result<Made> {
+        let simulator = self.try_to_make(Kind::Simulator, &scenario.simulator)?;
         let info = self.try_to_make(Kind::Driver, &scenario.driver)?.info;
         for component in components(&scenario.perturbations) {
             self.try_to_make(Kind::Perturbation, &component)?;
@@ -174,7 +187,8 @@ impl Host {
         for (kind, component) in components_of(scenario) {
             self.note_files(kind, &component)?;
         }
-        self.record.in_use.add_scenario(self.session.catalog(), scenario, info)
+        self.record.in_use.add_scenario(self.session.catalog(), scenario, info)?;
+        Ok(simulator)
     }
 
     /// Makes sure that perturbations reach their levels on the scales that these are on.

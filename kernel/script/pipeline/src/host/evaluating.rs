@@ -7,7 +7,7 @@ use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};
 use pdk_record::manifest::{EvaluationRecord, components_of_all};
-use pdk_record::merge::EvaluatedFrames;
+use pdk_record::shard::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;

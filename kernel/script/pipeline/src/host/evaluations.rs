@@ -1,6 +1,6 @@
 //! What the evaluations of a run came to.
 
-use pdk_record::merge::EvaluatedFrames;
+use pdk_record::shard::EvaluatedFrames;
 use serde_json::Value;
 
 use crate::evaluation::Results;

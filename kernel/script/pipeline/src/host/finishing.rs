@@ -1,20 +1,16 @@
 //! The end of a run: what is left is taken, and the record is completed.
 
-use std::collections::BTreeSet;
 use std::time::SystemTime;
 
-use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::Cause;
 use pdk_record::directory::{PERFORMANCE, SHARD, SUMMARY};
-use pdk_record::merge::ShardList;
+use pdk_record::shard::ShardList;
 use pdk_record::times::LoopTimes;
-use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
 use serde_json::json;
 
 use super::Host;
-use super::driving::{components, stop_if_dropped};
+use super::driving::stop_if_dropped;
 use super::frames::Frames;
 use crate::finished::{Finished, Summary};
 
@@ -32,12 +28,14 @@ impl Host {
             Frames::forget(directory.path());
         }
         let (all, failed) = (self.scenarios.count(), self.scenarios.failed());
-        let outcomes = self.scenarios.lines();
+        let own = self.scenarios.own();
+        let outcomes = own.map(|(submitted, came)| (submitted.clone(), came.outcome.clone())).collect();
         let summary = Summary { outcomes, evaluations: std::mem::take(&mut self.evaluations.summaries) };
         let whole = script.is_ok() && rest.is_ok();
         let written =
             self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
-        let mut troubles = self.unnoticed();
+        let good = self.scenarios.own().filter(|(_, came)| came.error.is_none());
+        let mut troubles = self.components.troubles(good.map(|(submitted, _)| submitted));
         for trouble in self.session.end() {
             if !troubles.contains(&trouble) {
                 troubles.push(trouble);
@@ -79,25 +77,6 @@ impl Host {
             warnings: self.account.warnings,
             failure: failures.into_iter().flatten().next(),
         }
-    }
-
-    /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
-    /// is dropped.
-    fn unnoticed(&self) -> Vec<String> {
-        if self.components.fatal.is_empty() {
-            return Vec::new();
-        }
-        let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
-        let mut good = BTreeSet::new();
-        let lines = self.scenarios.outcomes.values().flatten().flatten();
-        for line in lines.filter(|line| line.outcome.cause != Cause::Error) {
-            good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
-            good.insert((Kind::Driver, spec(&line.scenario.driver)));
-            let perturbations = components(&line.scenario.perturbations);
-            good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
-        }
-        let of_good = self.components.fatal.iter().filter(|(component, _)| good.contains(*component));
-        of_good.map(|(_, error)| error.to_string()).collect()
     }
 
     /// Takes the outcomes that the script has not waited for: all if the script came to its end, and those in flight if the user

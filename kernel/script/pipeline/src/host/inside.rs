@@ -1,11 +1,10 @@
 //! What a tool of pdk that drives scenarios needs of the host besides what pipelines call.
 
 use std::path::Path;
-use std::sync::Arc;
 
+use pdk_model::outcome::Outcome;
 use pdk_model::scenario::Scenario;
 use pdk_record::directory::RunDirectory;
-use pdk_record::ledger::Line;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_session::session::{Session, Ticket};
 use serde::Serialize;
@@ -24,14 +23,14 @@ impl Host {
         self.settler().scenario(scenario);
     }
 
-    /// Waits for the line of a scenario.
+    /// Waits for what came of a scenario.
     ///
     /// # Errors
     /// If it came to nothing.
-    pub(crate) fn line(&mut self, ticket: Ticket) -> Result<Arc<Line>> {
+    pub(crate) fn outcome(&mut self, ticket: Ticket) -> Result<Outcome> {
         self.wait(ticket)?;
         match self.scenarios.outcomes.get(&ticket) {
-            Some(Ok(Some(line))) => Ok(Arc::clone(line)),
+            Some(Ok(Some(came))) => came.outcome.read(),
             Some(Err(error)) => Err(error.clone()),
             _ => Err(Error::new("a scenario came to nothing, which is a defect in pdk")),
         }

@@ -31,6 +31,8 @@ pub(super) struct RunRecord {
     earlier: Option<Manifest>,
     /// The manifest as it is written.
     manifest: Option<Value>,
+    /// How many modules, components with their files, and evaluations were in use when it was made.
+    written: Option<[usize; 3]>,
 }
 
 impl RunRecord {
@@ -41,6 +43,11 @@ impl RunRecord {
     pub fn begin(&mut self, setup: &mut Setup) -> Result<()> {
         let directory = self.open(setup)?;
         setup.pipeline.modules = (setup.modules)();
+        // They only become more, and nothing else changes. A pipeline may submit many scenarios one by one.
+        let in_use = [setup.pipeline.modules.len(), self.in_use.count(), self.evaluations.len()];
+        if self.written == Some(in_use) {
+            return Ok(());
+        }
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
             seed: setup.common.seed,
@@ -71,6 +78,7 @@ impl RunRecord {
             directory.write_json(MANIFEST, &manifest)?;
             self.manifest = Some(manifest);
         }
+        self.written = Some(in_use);
         Ok(())
     }
 

@@ -1,15 +1,21 @@
 //! The scenarios of a run: what was submitted, and what came of it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
-use pdk_model::outcome::{Cause, Verdict};
+use pdk_model::outcome::Verdict;
 use pdk_model::scenario::ScenarioId;
-use pdk_record::ledger::Line;
 use pdk_sdk::error::Result;
-use pdk_session::session::Ticket;
+use pdk_session::session::{Ticket, WrittenOutcome};
 
 use crate::outcomes::Submitted;
+
+/// What came of a scenario.
+pub(super) struct Came {
+    /// The outcome.
+    pub outcome: WrittenOutcome,
+    /// What a component failed with.
+    pub error: Option<String>,
+}
 
 /// All scenarios by their tickets.
 #[derive(Default)]
@@ -17,7 +23,7 @@ pub(super) struct Scenarios {
     /// What was submitted under each ticket.
     pub submitted: BTreeMap<Ticket, Submitted>,
     /// What came of it, as far as anybody has taken it; nothing if another part of the run drives it.
-    pub outcomes: BTreeMap<Ticket, Result<Option<Arc<Line>>>>,
+    pub outcomes: BTreeMap<Ticket, Result<Option<Came>>>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
     numbers: BTreeMap<ScenarioId, usize>,
     /// The numbers of those whose outcomes a program was handed, which knows from them what failed.
@@ -61,27 +67,29 @@ impl Scenarios {
         all.into_iter().map(|(_, id)| *id).collect()
     }
 
-    /// The lines of those that were driven here, with what was submitted.
-    pub fn lines(&self) -> Vec<(Submitted, Arc<Line>)> {
-        let own = |(ticket, outcome): (&Ticket, &Result<Option<Arc<Line>>>)| match outcome {
-            Ok(Some(line)) => Some((self.submitted.get(ticket)?.clone(), Arc::clone(line))),
+    /// Those that were driven here, and what came of each.
+    pub fn own(&self) -> impl Iterator<Item = (&Submitted, &Came)> {
+        self.outcomes.iter().filter_map(|(ticket, came)| match came {
+            Ok(Some(came)) => Some((self.submitted.get(ticket)?, came)),
             _ => None,
-        };
-        self.outcomes.iter().filter_map(own).collect()
+        })
     }
 
     /// A sentence for each driver that fails without perturbation in one of these scenarios, if others of them are perturbed.
-    pub fn failing_unperturbed(&self, ids: &BTreeSet<&str>) -> Vec<String> {
-        let lines = self.lines();
-        let shown = || lines.iter().map(|(_, line)| line).filter(|line| ids.contains(&*line.id.to_string()));
-        if !shown().any(|line| !line.scenario.perturbations.is_empty()) {
-            return Vec::new();
+    ///
+    /// # Errors
+    /// If an outcome cannot be read.
+    pub fn failing_unperturbed(&self, ids: &BTreeSet<&str>) -> Result<Vec<String>> {
+        let shown = || self.own().filter(|(submitted, _)| ids.contains(&*submitted.id.to_string()));
+        if shown().all(|(submitted, _)| submitted.unperturbed.is_some()) {
+            return Ok(Vec::new());
         }
         let mut drivers: BTreeMap<&str, BTreeMap<ScenarioId, bool>> = BTreeMap::new();
-        for line in shown().filter(|line| line.scenario.perturbations.is_empty()) {
-            let verdict = line.outcome.cause.verdict();
+        for (submitted, came) in shown() {
+            let Some(driver) = &submitted.unperturbed else { continue };
+            let verdict = came.outcome.read()?.cause.verdict();
             if verdict != Verdict::Void {
-                drivers.entry(&line.scenario.driver.name).or_default().insert(line.id, verdict.failed());
+                drivers.entry(driver).or_default().insert(submitted.id, verdict.failed());
             }
         }
         let sentence = |(driver, drives): (&str, BTreeMap<ScenarioId, bool>)| {
@@ -96,19 +104,15 @@ impl Scenarios {
                 )
             })
         };
-        drivers.into_iter().filter_map(sentence).collect()
+        Ok(drivers.into_iter().filter_map(sentence).collect())
     }
 
     /// The scenarios in which a component failed, in the order of submission, each once, without those whose outcomes were
     /// handed to the program.
     pub fn failed(&self) -> Vec<String> {
         let mut failed = BTreeMap::new();
-        for (ticket, line) in &self.outcomes {
-            if let (Ok(Some(line)), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
-                && line.outcome.cause == Cause::Error
-                && !self.handed_over.contains(number)
-                && let Some(error) = &line.outcome.error
-            {
+        for (Submitted { number, name, .. }, came) in self.own() {
+            if let Some(error) = came.error.as_ref().filter(|_| !self.handed_over.contains(number)) {
                 failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
             }
         }

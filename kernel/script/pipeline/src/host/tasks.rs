@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_record::merge::EvaluatedFrames;
+use pdk_record::shard::EvaluatedFrames;
 use pdk_sdk::describe::{Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;

@@ -10,7 +10,7 @@ use pdk_sdk::seed;
 use pdk_session::interrupt::{self, Wish};
 use serde_json::Value;
 
-use crate::bridge::{frames_of, outcomes_to_lua, with_host};
+use crate::bridge::{frames_of, outcome_to_lua, with_host};
 use crate::levels;
 use crate::search::request::{PLACE, Request, StrategySpec};
 use crate::search::results;
@@ -243,14 +243,8 @@ impl Search {
             self.request.defaults.submission(place, table).map_err(ExternalError::into_lua_err)?;
         let id = submission.scenario.id().to_string();
         // The components have to be there before it counts.
-        let ticket = with_host(lua, |host| host.submit(vec![submission]))?.into_iter().next();
-        match (self.trials.count(Some(&id)), ticket) {
-            (Some(first), _) => Ok(State::Same(first)),
-            (None, Some(ticket)) => Ok(State::Waits(ticket)),
-            (None, None) => {
-                Err(Error::new("a scenario got no ticket, which is a defect in pdk").into_lua_err())
-            }
-        }
+        let ticket = with_host(lua, |host| host.submit_one(submission))?;
+        Ok(self.trials.count(Some(&id)).map_or(State::Waits(ticket), State::Same))
     }
 
     /// The candidate that was admitted last cannot be evaluated.
@@ -268,7 +262,7 @@ impl Search {
                 Some(function) if row["cause"] != "error" => {
                     let number = self.trials.told();
                     let values = Value::Object(self.trials.all()[number].values.clone());
-                    self.call("outcome", function, (outcomes_to_lua(lua, &row)?, to_lua(lua, &values)?))?
+                    self.call("outcome", function, (outcome_to_lua(lua, &row)?, to_lua(lua, &values)?))?
                 }
                 _ => Ok(LuaValue::Nil),
             };

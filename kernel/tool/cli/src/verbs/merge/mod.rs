@@ -1,14 +1,14 @@
 //! `pdk merge`: the records of the parts of a run as one.
 
-use std::path::{Path, PathBuf};
+mod parts;
+
+use std::path::PathBuf;
 
 use pdk_notice::println;
-use pdk_record::ledger::Line;
-use pdk_record::merge::{self, Merged};
-use pdk_record::trace::reader::{self, Owner};
 use pdk_sdk::error::Result;
 use serde_json::json;
 
+use self::parts::{Merged, merge};
 use super::{Global, print_json};
 
 /// Arguments of `pdk merge`
@@ -24,8 +24,7 @@ pub struct Arguments {
 
 /// Puts the records together.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let check_trace = |trace: &Path, line: &Line| reader::check(trace, Owner::of(line));
-    let Merged { scenarios, frames } = merge::merge(&arguments.parts, &arguments.out, &check_trace)?;
+    let Merged { scenarios, frames } = merge(&arguments.parts, &arguments.out)?;
     if global.json {
         return print_json(&json!({ "record": arguments.out, "scenarios": scenarios, "frames": frames }));
     }

@@ -1,5 +1,4 @@
-//! Runs in parts: each part drives its share of the scenarios and evaluates its share of the frames, on a machine of its own, and the
-//! records of all parts are put together into that of the whole.
+//! The records of the parts of a run, and how they become that of the whole.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt;
@@ -8,38 +7,17 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pdk_model::scenario::ScenarioId;
+use pdk_record::directory::{MANIFEST, RESULTS, RunDirectory, SHARD};
+use pdk_record::ledger::{self, Ledger, Line};
+use pdk_record::lines::Lines;
+use pdk_record::manifest::Manifest;
+use pdk_record::shard::{EvaluatedFrames, ShardList};
+use pdk_record::trace::reader::{self, Owner};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
-use serde::{Deserialize, Serialize};
-
-use crate::directory::{MANIFEST, RESULTS, RunDirectory, SHARD};
-use crate::ledger::{self, Ledger, Line};
-use crate::lines::Lines;
-use crate::manifest::Manifest;
-use crate::shard::Shard;
-
-/// What the record of a part says of the whole, once the part has come to its end.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ShardList {
-    /// The part.
-    pub shard: Shard,
-    /// All scenarios of the run in the order of submission.
-    pub scenarios: Vec<ScenarioId>,
-    /// All evaluations of the run in their order.
-    pub evaluations: Vec<EvaluatedFrames>,
-}
-
-/// What an evaluation of the whole run goes through.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EvaluatedFrames {
-    /// How many frames it has.
-    pub frames: usize,
-    /// The perturbations at their levels.
-    pub cells: Vec<String>,
-}
+use serde::Deserialize;
 
 /// What was put together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Merged {
     /// How many scenarios there are.
     pub scenarios: usize,
@@ -81,16 +59,13 @@ impl Part {
     }
 }
 
-/// Says what is wrong with a trace that belongs to a line.
-pub type CheckTrace<'a> = dyn Fn(&Path, &Line) -> Result<()> + 'a;
-
 /// Puts the records of all parts of a run together: their manifests, their lines in the order of the whole, and their traces. Running the
 /// pipeline on the new folder completes it: what is there is not computed again.
 ///
 /// # Errors
-/// If a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
-/// folder is not empty, or something cannot be read or written. Also what `check_trace` says of a trace.
-pub fn merge(parts: &[PathBuf], out: &Path, check_trace: &CheckTrace<'_>) -> Result<Merged> {
+/// If a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; if the
+/// folder is not empty, or something cannot be read or written; if a trace is not there or not whole.
+pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Merged> {
     let mut parts = parts.iter().map(|path| Part::open(path)).collect::<Result<Vec<Part>>>()?;
     parts.sort_by_key(|part| part.list.shard.index);
     check(&parts)?;
@@ -111,18 +86,13 @@ pub fn merge(parts: &[PathBuf], out: &Path, check_trace: &CheckTrace<'_>) -> Res
     }
     directory.write_json(MANIFEST, &manifest)?;
     Ok(Merged {
-        scenarios: merge_scenarios(&parts, &first.list.scenarios, &directory, check_trace)?,
+        scenarios: merge_scenarios(&parts, &first.list.scenarios, &directory)?,
         frames: merge_frames(&parts, &first.list.evaluations, &directory)?,
     })
 }
 
 /// Puts the ledgers of all parts together, and their traces. Returns how many scenarios there are.
-fn merge_scenarios(
-    parts: &[Part],
-    scenarios: &[ScenarioId],
-    directory: &RunDirectory,
-    check_trace: &CheckTrace<'_>,
-) -> Result<usize> {
+fn merge_scenarios(parts: &[Part], scenarios: &[ScenarioId], directory: &RunDirectory) -> Result<usize> {
     if scenarios.is_empty() {
         return Ok(0);
     }
@@ -142,7 +112,7 @@ fn merge_scenarios(
             )));
         };
         let (from, to) = (parts[place].directory.trace_path(id), directory.trace(id)?);
-        check_trace(&from, &line)?;
+        reader::check(&from, Owner::of(&line))?;
         link(&from, &to).place(format_args!("cannot take over the trace {}", from.display()))?;
         ordered.push(line);
     }
