@@ -218,14 +218,13 @@ impl Ledger {
             write_error(&self.path, &error)
         })?;
         sync_folder(&self.path);
-        let (lines, _) = Lines::open(&self.path)?;
-        (self.lines, self.superseded) = (lines, false);
+        self.superseded = false;
         let mut start = 0;
         for (id, _, length) in sorted {
             self.places.insert(id, (start, length));
             start += length as u64 + 1;
         }
-        Ok(())
+        self.lines.replaced(start)
     }
 
     fn write_sorted(&self, part: &Path, sorted: &[(ScenarioId, u64, usize)]) -> io::Result<()> {

@@ -37,6 +37,17 @@ impl Lines {
         Ok((Self { path: path.to_owned(), file, complete: complete as u64 }, text))
     }
 
+    /// Goes on with the file that has taken the place of this one, and holds this many bytes of complete lines.
+    ///
+    /// # Errors
+    /// If it cannot be opened.
+    pub fn replaced(&mut self, complete: u64) -> Result<()> {
+        let opened = File::options().append(true).open(&self.path);
+        self.file = opened.map_err(|error| write_error(&self.path, &error))?;
+        self.complete = complete;
+        Ok(())
+    }
+
     /// The length of the file in bytes.
     pub fn length(&self) -> u64 {
         self.complete

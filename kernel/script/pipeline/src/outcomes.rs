@@ -14,13 +14,13 @@ pub(crate) struct Submitted {
     /// What tells it from others.
     pub id: ScenarioId,
     /// What the pipeline calls it this time.
-    pub name: String,
+    pub name: Box<str>,
     /// How many frames it may have.
     pub expected: u64,
     /// The driver, if there are no perturbations.
-    pub unperturbed: Option<String>,
+    pub unperturbed: Option<Box<str>>,
     /// Its components that went wrong when they were made, by kind and what they are made from.
-    pub fatal: Vec<(Kind, String)>,
+    pub fatal: Box<[(Kind, String)]>,
 }
 
 /// What a pipeline and the summary see of an outcome.

@@ -1,6 +1,6 @@
 //! The tickets that a pipeline has been given, as the numbers that it knows.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Ticket;
@@ -12,9 +12,7 @@ use crate::host::Host;
 pub struct Tickets {
     /// The function that takes them, for errors.
     function: &'static str,
-    tickets: BTreeMap<u64, Ticket>,
-    /// The same the other way round.
-    numbers: BTreeMap<Ticket, u64>,
+    tickets: Vec<Ticket>,
     /// Those whose outcomes have not been taken.
     open: BTreeSet<Ticket>,
 }
@@ -22,21 +20,20 @@ pub struct Tickets {
 impl Tickets {
     /// None yet; `function` is what errors call the function that takes one.
     pub fn new(function: &'static str) -> Self {
-        Self { function, tickets: BTreeMap::new(), numbers: BTreeMap::new(), open: BTreeSet::new() }
+        Self { function, tickets: Vec::new(), open: BTreeSet::new() }
     }
 
-    /// Takes a ticket, and returns its number.
+    /// Takes a ticket, which is later than those before it, and returns its number.
     pub fn add(&mut self, ticket: Ticket) -> u64 {
-        let number = self.tickets.len() as u64 + 1;
-        self.tickets.insert(number, ticket);
-        self.numbers.insert(ticket, number);
+        self.tickets.push(ticket);
         self.open.insert(ticket);
-        number
+        self.tickets.len() as u64
     }
 
     /// The ticket with a number.
     pub fn ticket(&self, number: &Value) -> Option<Ticket> {
-        number.as_u64().and_then(|number| self.tickets.get(&number)).copied()
+        let place = usize::try_from(number.as_u64()?.checked_sub(1)?).ok()?;
+        self.tickets.get(place).copied()
     }
 
     /// Waits for the outcome of a ticket.
@@ -63,7 +60,7 @@ impl Tickets {
         let Some((ticket, outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
         self.open.remove(&ticket);
         let mut outcome = outcome?;
-        outcome["ticket"] = self.numbers.get(&ticket).copied().into();
+        outcome["ticket"] = self.tickets.binary_search(&ticket).ok().map(|place| place + 1).into();
         Ok(outcome)
     }
 

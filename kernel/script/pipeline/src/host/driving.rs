@@ -41,11 +41,17 @@ impl Host {
         let simulator = self.check(scenario)?;
         // A simulator that cannot be made has no rate, and its scenarios no frames.
         let expected = expected_frames(scenario, simulator.camera.map_or(0.0, |camera| camera.rate));
-        let unperturbed = scenario.perturbations.is_empty().then(|| scenario.driver.name.clone());
-        let fatal = self.components.fatal_of(scenario)?;
+        let unperturbed = scenario.perturbations.is_empty().then(|| scenario.driver.name.as_str().into());
+        let fatal = self.components.fatal_of(scenario)?.into();
         let waiting = submission.waiting()?;
-        let submitted =
-            Submitted { number: 0, id: waiting.id, name: submission.name, expected, unperturbed, fatal };
+        let submitted = Submitted {
+            number: 0,
+            id: waiting.id,
+            name: submission.name.into(),
+            expected,
+            unperturbed,
+            fatal,
+        };
         Ok(Prepared { waiting, submitted })
     }
 
