@@ -25,6 +25,7 @@ pub struct Grid {
 impl Rule for Grid {
     fn description() -> Description {
         Description::search("grid", "Every combination of evenly spaced values, both ends of each range included")
+            .learns_nothing()
             .parameter(
                 Parameter::integer(
                     "steps",

@@ -27,6 +27,7 @@ impl Rule for LatinHypercube {
             "latin_hypercube",
             "Latin hypercubes: in every variable, each of equally many parts has one candidate",
         )
+        .learns_nothing()
         .source("M. D. McKay, R. J. Beckman, W. J. Conover (1979)")
         .parameter(
             Parameter::integer(

@@ -12,7 +12,9 @@ pub struct RandomSearch;
 
 impl Rule for RandomSearch {
     fn description() -> Description {
-        Description::search("random", "Draws every candidate evenly from the space").baseline()
+        Description::search("random", "Draws every candidate evenly from the space")
+            .learns_nothing()
+            .baseline()
     }
 
     fn new(_config: &Config) -> Result<Self> {

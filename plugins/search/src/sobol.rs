@@ -25,6 +25,7 @@ impl Rule for Sobol {
             "sobol",
             "Sobol's sequence, scrambled: fills the space more evenly than chance does",
         )
+        .learns_nothing()
         .source("I. M. Sobol (1967); scrambling: B. Burley, \"Practical hash-based Owen scrambling\" (2020)")
     }
 

@@ -171,7 +171,10 @@ pub struct Description {
     /// Whether it is the one of its kind that is used if none is named.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub preferred: bool,
-    /// Whether it is a search strategy that the others are compared with, because it learns nothing.
+    /// Whether it is a search strategy that learns nothing: what it proposes does not depend on results, so parts of the search can be run alone.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub learns_nothing: bool,
+    /// Whether it is the search strategy that the others are compared with.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub baseline: bool,
     /// Whether it is a driver that is a network, which saliency methods know by the driver's name.
@@ -228,6 +231,7 @@ impl Description {
             parameters: Vec::new(),
             grows_with: Map::new(),
             preferred: false,
+            learns_nothing: false,
             baseline: false,
             network: false,
             gradient_free: false,
@@ -277,7 +281,13 @@ impl Description {
         self
     }
 
-    /// Says that it is a search strategy that learns nothing, with which the others are compared.
+    /// Says that it is a search strategy whose proposals do not depend on results.
+    pub fn learns_nothing(mut self) -> Self {
+        self.learns_nothing = true;
+        self
+    }
+
+    /// Says that it is the search strategy that the others are compared with.
     pub fn baseline(mut self) -> Self {
         self.baseline = true;
         self

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_tests::process::pipeline;
+use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::records::{assert_equal, files};
 use pdk_tests::{Pdk, datasets, temp};
 
@@ -175,8 +175,55 @@ fn a_pipeline_that_looks_at_outcomes_is_not_put_together() {
     });
     merge(&both, &folder.path().join("out")).fail(1, &["decides by outcomes what to drive", "--pool"]);
     let search = Pdk::new(["run", "search", "--shard", "1/2", "--out"]).arg(folder.path().join("search"));
-    search.fail(1, &["pdk.search decides by outcomes", "leave out --shard"]);
+    search.fail(
+        1,
+        &["pdk.search decides by outcomes", "leave out --shard", "grid, latin_hypercube, random, sobol"],
+    );
     run(&script, &folder.path().join("no"))
         .set("shard", "3")
         .fail(1, &["--set shard: `3` is not a part of a run"]);
+}
+
+#[test]
+fn a_search_that_learns_nothing_is_run_in_parts() {
+    let folder = temp();
+    let source = |stop: &str| {
+        format!(
+            "local found = pdk.search({{
+                 space = {{ level = {{ real = {{ 0, 4 }} }}, name = {{ choice = {{ 'gaussian_noise', 'fog_filter' }} }} }},
+                 objectives = {{ max_cross_track_error = 'maximise' }},
+                 strategy = 'sobol',
+                 stop = {{ {stop} }},
+                 simulator = {{ name = 'lane', width = 64, height = 48 }}, driver = 'lane_keeper', duration = 0.5,
+                 evaluate = function(values)
+                     return {{ perturbations = {{ {{ name = values.name, level = values.level }} }} }}
+                 end,
+             }})
+             pdk.show(pdk.drive({{
+                 simulator = {{ name = 'lane', width = 64, height = 48 }}, driver = 'lane_keeper', duration = 0.5,
+                 scenarios = {{ {{ ['repeat'] = #found.tests }} }},
+             }}))"
+        )
+    };
+    let script = pipeline(folder.path(), &source("evaluations = 7"));
+    let whole = folder.path().join("whole");
+    run(&script, &whole).succeed();
+    let parts = [1, 2, 3].map(|index| {
+        let out = folder.path().join(index.to_string());
+        run(&script, &out).args(["--shard", &format!("{index}/3")]).set("workers", index).succeed();
+        out
+    });
+    assert_eq!(parts.each_ref().map(|part| json_lines(&part.join("scenarios.jsonl")).len()), [3, 3, 2]);
+    let merged = folder.path().join("merged");
+    merge(&parts, &merged).succeed();
+    let finished = run(&script, &merged).succeed();
+    assert!(finished.stdout.contains("8 of 8 scenarios were in the record already"), "{}", finished.stdout);
+    for file in ["scenarios.jsonl", "search.json", "search.csv"] {
+        let [a, b] = [&whole, &merged].map(|record| std::fs::read_to_string(record.join(file)).unwrap());
+        assert_eq!(a, b, "{file}");
+    }
+    let script = pipeline(folder.path(), &source("evaluations = 7, seconds = 60"));
+    run(&script, &folder.path().join("late"))
+        .args(["--shard", "1/3"])
+        .fail(1, &["`seconds`", "let it stop by `evaluations`"]);
 }

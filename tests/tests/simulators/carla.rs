@@ -64,10 +64,11 @@ fn outcomes(folder: &Path) -> Vec<Value> {
     json_lines(&folder.join("record/scenarios.jsonl"))
 }
 
-/// Nothing of pdk is left at a server.
+/// Nothing of pdk is left at a server. If a process of pdk is ended because the machine is too busy for it to leave in time, a copy of it tidies up
+/// after its end.
 fn assert_left_as_it_was(server: &CarlaServer) {
-    assert_eq!(server.actors(), Vec::<String>::new());
-    assert!(!server.is_synchronous());
+    let is_left = || server.actors().is_empty() && !server.is_synchronous();
+    assert!(comes_true(LIMIT, is_left), "{:?}, synchronous: {}", server.actors(), server.is_synchronous());
 }
 
 #[test]

@@ -6,6 +6,9 @@ use pdk_model::scenario::ScenarioId;
 use pdk_sdk::describe::Kind;
 use serde_json::{Value, json};
 
+/// The cause of a scenario that another part of the run drives.
+pub(crate) const ELSEWHERE: &str = "elsewhere";
+
 /// A scenario that was submitted.
 #[derive(Debug, Clone)]
 pub(crate) struct Submitted {
@@ -30,7 +33,7 @@ pub(crate) fn outcome_row(outcome: &Outcome, submitted: &Submitted) -> Value {
 
 /// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
 pub(crate) fn row_of_elsewhere(submitted: &Submitted) -> Value {
-    row(submitted, "elsewhere".into(), Verdict::Void, &Outcome::default())
+    row(submitted, ELSEWHERE.into(), Verdict::Void, &Outcome::default())
 }
 
 fn row(submitted: &Submitted, cause: Value, verdict: Verdict, outcome: &Outcome) -> Value {

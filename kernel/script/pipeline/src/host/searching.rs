@@ -14,13 +14,14 @@ use crate::tables;
 
 impl Host {
     /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
-    /// none.
+    /// none. `ends_by_outcomes` says whether it depends on outcomes or on the time when the search stops.
     pub(crate) fn begin_search(
         &mut self,
         name: Option<&str>,
         strategy: Option<&ComponentSpec>,
+        ends_by_outcomes: bool,
     ) -> Result<BegunSearch> {
-        self.refuse_part("pdk.search decides by outcomes what to drive next")?;
+        self.refuse_part(strategy, ends_by_outcomes)?;
         let number = self.searches.begun;
         self.searches.begun += 1;
         let name = match (name, number) {
@@ -84,16 +85,30 @@ impl Host {
         Ok(())
     }
 
-    /// Says no where only a part of the run is wanted, because of `reason`.
-    fn refuse_part(&self, reason: &str) -> Result<()> {
-        match self.setup.common.shard {
-            None => Ok(()),
-            Some(_) => Err(Error::of(
-                ErrorKind::Configuration,
-                format!(
-                    "{reason}, so a part of it cannot be run alone; leave out --shard, and use --pool for several machines"
-                ),
+    /// Refuses a part of a search that goes another way with other outcomes.
+    fn refuse_part(&self, strategy: Option<&ComponentSpec>, ends_by_outcomes: bool) -> Result<()> {
+        if self.setup.common.shard.is_none() {
+            return Ok(());
+        }
+        let catalog = self.session.catalog();
+        let learns_nothing: Vec<&str> = catalog
+            .of_kind(Kind::Search)
+            .filter(|entry| entry.description.learns_nothing)
+            .map(|entry| entry.description.name.as_str())
+            .collect();
+        let refused = |reason: String| Err(Error::of(ErrorKind::Configuration, reason));
+        match strategy.is_some_and(|strategy| learns_nothing.contains(&strategy.name.as_str())) {
+            false => refused(format!(
+                "pdk.search decides by outcomes what to drive next, so a part of it cannot be run alone; leave out --shard, and use --pool for \
+                 several machines, or choose a strategy that learns nothing ({})",
+                learns_nothing.join(", ")
             )),
+            true if ends_by_outcomes => refused(
+                "pdk.search stops by `hypervolume` or `seconds`, so a part of it cannot be run alone; leave out --shard, or let it stop by \
+                 `evaluations`"
+                    .to_owned(),
+            ),
+            true => Ok(()),
         }
     }
 }

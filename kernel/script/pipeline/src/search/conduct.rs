@@ -12,6 +12,7 @@ use serde_json::Value;
 
 use crate::bridge::{frames_of, outcome_to_lua, with_host};
 use crate::levels;
+use crate::outcomes::ELSEWHERE;
 use crate::search::request::{PLACE, Request, StrategySpec};
 use crate::search::results;
 use crate::search::strategy::Strategy;
@@ -55,7 +56,10 @@ pub fn search(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
         StrategySpec::Component(component) => Some(component.clone()),
         StrategySpec::Functions(_) => None,
     };
-    let begun = with_host(lua, |host| host.begin_search(request.name.as_deref(), component.as_ref()))?;
+    let ends_by_outcomes = request.stop.hypervolume.is_some() || request.stop.time.is_some();
+    let begun = with_host(lua, |host| {
+        host.begin_search(request.name.as_deref(), component.as_ref(), ends_by_outcomes)
+    })?;
     let seed = request.seed.unwrap_or(begun.seed);
     let label = component.as_ref().map_or("functions", |component| &component.name);
     let key = seed::key(seed, label, begun.number);
@@ -258,6 +262,11 @@ impl Search {
     fn settle(&mut self, lua: &Lua) -> mlua::Result<()> {
         if let Some(ticket) = self.trials.waits_for() {
             let row = with_host(lua, |host| host.wait(ticket))?;
+            if row["cause"] == ELSEWHERE {
+                self.trials.settle(Verdict::failed("another part of the run drives it"));
+                // A strategy that learns nothing need not be told.
+                return Ok(drop(self.trials.tell()));
+            }
             let judged = match &self.request.outcome {
                 Some(function) if row["cause"] != "error" => {
                     let number = self.trials.told();
