@@ -1,11 +1,11 @@
 //! How many scenarios a second the head of a run gives out and records, and what memory it takes, with workers that are not there: a pool that answers
-//! each scenario with the outcome of the first one, after the time that one takes.
+//! each scenario with the outcome of the first one, after the time that the scenario is to take.
 //!
 //! ```sh
 //! cargo build --release && cargo bench --bench head [-- --seconds S]
 //! ```
 //!
-//! First the pool answers at once. Then it has thousands of slots, and a scenario takes half of a mean time to one and a half of it. Ideal is a scenario for each slot
+//! There are S scenarios for each slot, or S tenths if they take 10 s; S is 10 if it is not given. First the pool answers at once. Then it has thousands of slots, and a scenario takes half of a mean time to one and a half of it. Ideal is a scenario for each slot
 //! in the mean time. The pool shares the processors with the head.
 
 // A benchmark may fail like a test.

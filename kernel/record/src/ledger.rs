@@ -1,6 +1,6 @@
 //! The ledger of a run: one line for each scenario that was driven, in `scenarios.jsonl`.
 //!
-//! While the run lasts, lines are added as outcomes come, after the traces that they speak of, and are synced before anybody hears of them. When the run is over
+//! While the run lasts, lines are added as outcomes come, after the traces that they speak of, and are synced before the pipeline gets them. When the run is over
 //! they are put in the order in which the scenarios were submitted, so that equal runs write equal files on any number of
 //! workers. A scenario whose id is in the ledger is answered from it: that is all that continuing a run is.
 //!

@@ -29,7 +29,7 @@ use pdk_loop::recorder::write_trace;
 
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
-/// The most events between two syncs of the ledger.
+/// The most further events between two syncs of the ledger.
 const MOST_TOGETHER: usize = 64;
 
 /// What the session's thread owns.
@@ -42,6 +42,8 @@ pub struct Dispatch {
     answers: Sender<(Ticket, Result<Reply>)>,
     /// Answers that wait until the lines of which they speak are on the disk.
     unsent: Vec<(Ticket, Result<Reply>)>,
+    /// Whether no more requests come.
+    closed: bool,
     /// Why nothing more can be done.
     broken: Option<Error>,
 }
@@ -62,6 +64,7 @@ impl Dispatch {
             options,
             answers,
             unsent: Vec::new(),
+            closed: false,
             broken: None,
         }
     }
@@ -76,33 +79,18 @@ impl Dispatch {
         }
         let mut announced = Wish::None;
         loop {
-            let first = match events.recv_timeout(TICK) {
-                Err(RecvTimeoutError::Disconnected) => break,
-                event => event.ok(),
-            };
-            // What has come by now is recorded together, since a disk takes its time for each sync.
-            let together = first.into_iter().chain(events.try_iter().take(MOST_TOGETHER - 1));
-            let mut closed = false;
-            for event in together {
-                match event {
-                    Event::Close => closed = true,
-                    Event::Submit(ticket, request) => self.submit(ticket, request),
-                    Event::Record(record) => self.book.record = Some(record),
-                    Event::Finish(done) => {
-                        // The requester may be gone.
-                        let _ = done.send(self.book.finish());
-                    }
-                    Event::Worker(connection, found) => {
-                        if let Err(error) = self.hear(connection, *found, &mut introduce) {
-                            self.fail(error, &mut introduce);
-                        }
-                    }
-                }
-                if closed {
-                    break;
-                }
+            match events.recv_timeout(TICK) {
+                Ok(event) => self.take(event, &mut introduce),
+                Err(RecvTimeoutError::Disconnected) => self.closed = true,
+                Err(RecvTimeoutError::Timeout) => {}
             }
-            if closed {
+            // What has come by then is recorded together, since a disk takes its time for each sync.
+            let (began, mut others) = (Instant::now(), events.try_iter().take(MOST_TOGETHER));
+            while !self.closed && began.elapsed() < TICK {
+                let Some(event) = others.next() else { break };
+                self.take(event, &mut introduce);
+            }
+            if self.closed {
                 self.send(&mut introduce);
                 break;
             }
@@ -126,6 +114,24 @@ impl Dispatch {
             self.send(&mut introduce);
         }
         self.leave(events);
+    }
+
+    fn take(&mut self, event: Event, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        match event {
+            Event::Close => self.closed = true,
+            Event::Submit(ticket, request) => self.submit(ticket, request),
+            Event::Record(record) => self.book.record = Some(record),
+            Event::Finish(done) => {
+                self.send(introduce);
+                // The requester may be gone.
+                let _ = done.send(self.book.finish());
+            }
+            Event::Worker(connection, found) => {
+                if let Err(error) = self.hear(connection, *found, introduce) {
+                    self.fail(error, introduce);
+                }
+            }
+        }
     }
 
     fn submit(&mut self, ticket: Ticket, request: Request) {
@@ -216,7 +222,9 @@ impl Dispatch {
                 }
                 (work, _) => work.clone(),
             };
-            let Some(work) = work else { continue };
+            let Some(work) = work else {
+                return Err(Error::new("there is nothing to do for a job, which is a defect in pdk"));
+            };
             task.work = Some(work.clone());
             let scenario = match (&task.submission, &*work) {
                 (Some(submission), _) => Some(submission.id),

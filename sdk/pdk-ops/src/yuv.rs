@@ -1,7 +1,7 @@
 //! Between RGB and the planes of a video: ITU-R BT.601, luma from 16 to 235, chroma at half the width and height.
 //!
-//! A chroma sample lies on an even column, halfway between two rows, which is what H.264 means if it says nothing. The fast versions do
-//! the plain one's sums of whole numbers in blocks of pixels, one channel after the other.
+//! A chroma sample lies on an even column, halfway between two rows, which is what H.264 means if it says nothing. All sums are of whole
+//! numbers.
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::simd::vectorised;

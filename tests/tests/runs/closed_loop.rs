@@ -289,6 +289,39 @@ fn a_mask_is_in_the_manifest() {
     assert_eq!(files[0]["blake3"].as_str().unwrap().len(), 64);
 }
 
+/// Also if nothing but a module is new, and if the outcome of a scenario that is submitted again is there already.
+#[test]
+fn what_is_used_later_is_in_the_manifest_by_then() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    fs::write(folder.path().join("own.lua"), "return { name = 'gaussian_noise' }").unwrap();
+    let source = format!(
+        r#"
+        local session = pdk.session({{ simulator = {SIMULATOR_LUA}, driver = "lane_keeper", duration = 0.2 }})
+        local function driven(scenario)
+            scenario.road = {ROAD_LUA}
+            session:wait(session:submit(scenario))
+        end
+        driven({{ perturbations = {{ "contrast@1" }} }})
+        local own = require("./own")
+        driven({{ perturbations = {{ "contrast@1" }} }})
+        driven({{ perturbations = {{ {{ name = own.name, level = 1 }} }} }})
+        error("the end", 0)
+    "#
+    );
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), &source)).fail(1, &["the end"]);
+    let manifest = json_file(&out.join("manifest.json"));
+    let names = |list: &serde_json::Value| -> Vec<String> {
+        list.as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&manifest["pipeline"]["modules"]), ["./own"]);
+    let components = names(&manifest["components"]);
+    assert!(
+        ["contrast", "gaussian_noise"].iter().all(|name| components.iter().any(|own| own == name)),
+        "{components:?}"
+    );
+}
+
 #[test]
 fn a_drop_in_is_in_the_manifest_with_the_library_that_shows_it() {
     let folder = temp();

@@ -108,7 +108,12 @@ impl Modules {
 
     /// The modules that were asked for, in the order in which they first were.
     pub fn loaded(&self) -> Vec<Loaded> {
-        self.state().loaded.clone()
+        self.loaded_since(0)
+    }
+
+    /// Those of them behind the first ones, of which there are this many.
+    pub fn loaded_since(&self, known: usize) -> Vec<Loaded> {
+        self.state().loaded.iter().skip(known).cloned().collect()
     }
 
     fn state(&self) -> MutexGuard<'_, State> {

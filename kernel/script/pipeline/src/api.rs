@@ -3,7 +3,7 @@
 use mlua::{ExternalError, Lua, Table, Value as LuaValue};
 use pdk_lua::types::{Declare, definitions};
 use pdk_lua::{ApiFunction, ApiTable, LuaRandom, perturbation_api};
-use pdk_sdk::error::Error;
+use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
 use crate::bridge::{all_outcomes, call, frames_of, function, with_host};
@@ -189,19 +189,27 @@ fn drive(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
     let (shared, list) = without_scenarios(lua, request)?;
     let shared_values = from_lua(&shared, "pdk.drive").map_err(ExternalError::into_lua_err)?;
     let defaults = with_host(lua, |host| host.defaults().drive(shared_values))?;
-    let mut prepared = Vec::new();
+    let mut submissions = Vec::new();
     if let (Some(list), Some(shared)) = (list, shared.as_table()) {
         let own_defaults = |field: &str| shared.raw_get::<LuaValue>(field);
-        for (number, scenario) in (1..).zip(entries(&list, "pdk.drive.scenarios")) {
+        let entries = entries(&list, "pdk.drive.scenarios").map_err(ExternalError::into_lua_err)?;
+        for (number, scenario) in (1..).zip(entries) {
             let scenario = scenario.map_err(ExternalError::into_lua_err)?;
             let scenario = levels::evaluated(lua, &scenario, |own| frames_of(lua, own, &own_defaults))?;
-            let read = from_lua(&scenario, &format!("pdk.drive.scenarios[{number}]"));
-            let read = read.map_err(ExternalError::into_lua_err)?;
-            let place = format!("pdk.drive: scenarios[{number}]");
-            prepared.push(with_host(lua, |host| host.prepare(defaults.submission(&place, read)?))?);
+            let read = || {
+                let table = from_lua(&scenario, &format!("pdk.drive.scenarios[{number}]"))?;
+                let submission = defaults.submission(&format!("pdk.drive: scenarios[{number}]"), table)?;
+                Ok::<_, Error>(serde_json::to_string(&submission)?)
+            };
+            submissions.push(read().map_err(ExternalError::into_lua_err)?);
         }
     }
-    let tickets = with_host(lua, |host| host.submit(prepared))?;
+    // All of them are read before anything is made for one.
+    let tickets = with_host(lua, |host| {
+        let prepare = |text: String| host.prepare(serde_json::from_str(&text)?);
+        let prepared = submissions.into_iter().map(prepare).collect::<Result<_>>()?;
+        host.submit(prepared)
+    })?;
     all_outcomes(lua, tickets, Host::wait)
 }
 

@@ -52,15 +52,15 @@ pub fn all_outcomes<T>(
     tickets: Vec<T>,
     mut wait: impl FnMut(&mut Host, T) -> Result<Value>,
 ) -> mlua::Result<LuaValue> {
-    let list = lua.create_table()?;
-    let mut error = None;
+    let mut list = lua.create_table();
     for ticket in tickets {
-        match outcome(lua, |host| wait(host, ticket)) {
-            Ok(outcome) => list.raw_push(outcome)?,
-            Err(other) => error = error.or(Some(other)),
-        }
+        let outcome = match &list {
+            Ok(_) => outcome(lua, |host| wait(host, ticket)),
+            Err(_) => with_host(lua, |host| wait(host, ticket)).map(|_| LuaValue::Nil),
+        };
+        list = list.and_then(|list| list.raw_push(outcome?).map(|()| list));
     }
-    error.map_or(Ok(LuaValue::Table(list)), Err)
+    list.map(LuaValue::Table)
 }
 
 /// An outcome for a script, for which a field that outcomes do not have is an error.

@@ -44,7 +44,7 @@ impl Program {
     /// If no worker can be started, or only a part of the run is wanted.
     pub fn start(what: &str, text: Text, options: Options) -> Result<Self> {
         let Text { path, source, folder } = text;
-        let host = start(Script::of_tool(path, source, folder), Box::new(Vec::new), options)?;
+        let host = start(Script::of_tool(path, source, folder), Box::new(|_| Vec::new()), options)?;
         host.refuse_shard(what)?;
         Ok(Self { host })
     }

@@ -104,7 +104,7 @@ pub fn serve(program: Option<PathBuf>, options: Options) -> Result<Finished> {
         None => Script::without_text("session"),
     };
     listen(Some(sender))?;
-    let host = start(script, Box::new(Vec::new), options)?;
+    let host = start(script, Box::new(|_| Vec::new()), options)?;
     tell(&Told::Ready { protocol: VERSION, pdk: env!("CARGO_PKG_VERSION"), slots: host.slots() });
     let mut server = Server { defaults: host.defaults(), host, scoring: None, tickets: Tickets::new("wait") };
     let ended = server.serve(&calls);
@@ -152,10 +152,12 @@ impl Server {
             }
             Call::Submit(scenarios) => {
                 let one = |(number, Unique(scenario))| {
-                    let place = format!("scenario {number}");
-                    host.prepare(defaults.submission(&place, from_program(scenario))?)
+                    stop_if_dropped()?;
+                    defaults.submission(&format!("scenario {number}"), from_program(scenario))
                 };
-                let prepared = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+                let submissions = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
+                let prepared = submissions.into_iter().map(|submission| host.prepare(submission));
+                let prepared = prepared.collect::<Result<Vec<_>>>()?;
                 let numbers: Vec<u64> =
                     host.submit(prepared)?.into_iter().map(|ticket| tickets.add(ticket)).collect();
                 Ok(json!(numbers))

@@ -110,8 +110,10 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
     })?;
     sandbox.stop_when(stop);
     let loaded = modules.clone();
-    let recorded =
-        move || loaded.loaded().into_iter().map(|module| Module::new(module.name, module.source)).collect();
+    let recorded = move |known: usize| {
+        let new = loaded.loaded_since(known).into_iter();
+        new.map(|module| Module::new(module.name, module.source)).collect()
+    };
     let host = start(script, Box::new(recorded), options)?;
     sandbox.lua().set_app_data(host);
     let result = sandbox
@@ -125,10 +127,11 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
     Ok(host.finish(result))
 }
 
-/// Starts the session of a pipeline, and says what had to be left out. `modules` tells which modules it has required so far.
+/// Starts the session of a pipeline, and says what had to be left out. `modules` gives the modules that it has required so far, but for
+/// the first ones, of which there are as many as it is told.
 pub(crate) fn start(
     script: Script,
-    modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    modules: Box<dyn Fn(usize) -> Vec<Module> + Send>,
     options: Options,
 ) -> Result<Host> {
     let Script { path, source, folder } = script;

@@ -54,16 +54,27 @@ fn whole(value: f64) -> Option<i64> {
 /// The entries of a list, one by one.
 ///
 /// # Errors
-/// If it has a gap or fields besides, at the entry where that shows.
-pub fn entries(list: &Table, place: &str) -> impl Iterator<Item = Result<LuaValue>> {
+/// If it has a gap or fields besides.
+pub fn entries(list: &Table, place: &str) -> Result<impl Iterator<Item = Result<LuaValue>>> {
     let length = list.raw_len();
-    list.pairs::<LuaValue, LuaValue>().map(move |pair| {
-        let (key, value) = pair.map_err(|error| unreadable(place, &error))?;
+    for pair in list.pairs::<LuaValue, LuaValue>() {
+        let (key, _) = pair.map_err(|error| unreadable(place, &error))?;
         match index(&key) {
-            Some(index) => check_index(index, length, place).map(|()| value),
-            None => Err(list_and_fields(place)),
+            Some(index) => check_index(index, length, place)?,
+            None if key.is_string() => return Err(list_and_fields(place)),
+            None => return Err(no_key(&key, place)),
         }
-    })
+    }
+    Ok((1..=length).map(move |index| entry(list, index, place)))
+}
+
+/// An entry of a list. Lua keeps lists in a way in which their order is not always that of their pairs.
+fn entry(list: &Table, index: usize, place: &str) -> Result<LuaValue> {
+    match list.raw_get(index) {
+        Ok(LuaValue::Nil) => Err(Error::new(format!("{place} has a gap: its list has no entry {index}"))),
+        Ok(value) => Ok(value),
+        Err(error) => Err(unreadable(place, &error)),
+    }
 }
 
 /// Where in a list a key is, from 1; none if it is not a number.
@@ -80,6 +91,10 @@ fn check_index(index: f64, length: usize, place: &str) -> Result<()> {
 
 fn unreadable(place: &str, error: &mlua::Error) -> Error {
     Error::new(format!("{place} cannot be read ({error})"))
+}
+
+fn no_key(key: &LuaValue, place: &str) -> Error {
+    Error::new(format!("{place} has a {} as a key; keys are texts", key.type_name()))
 }
 
 fn list_and_fields(place: &str) -> Error {
@@ -118,7 +133,7 @@ fn number(value: f64, place: &str) -> Result<Value> {
 /// An empty table counts as an empty list. No request has an empty table for which the difference matters.
 fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
     let length = table.raw_len();
-    let mut list = Vec::with_capacity(length);
+    let mut is_list = false;
     let mut fields = Map::new();
     for pair in table.pairs::<LuaValue, LuaValue>() {
         let (key, value) = pair.map_err(|error| unreadable(place, &error))?;
@@ -130,14 +145,16 @@ fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
             }
             (_, Some(index)) => {
                 check_index(index, length, place)?;
-                list.push(read(&value, &format!("{place}[{index}]"), depth + 1)?);
+                is_list = true;
             }
-            (other, None) => {
-                return Err(Error::new(format!(
-                    "{place} has a {} as a key; keys are texts",
-                    other.type_name()
-                )));
-            }
+            (other, None) => return Err(no_key(other, place)),
+        }
+    }
+    let mut list = Vec::new();
+    if is_list {
+        list.reserve_exact(length);
+        for index in 1..=length {
+            list.push(read(&entry(table, index, place)?, &format!("{place}[{index}]"), depth + 1)?);
         }
     }
     match (list.is_empty(), fields.is_empty()) {
@@ -169,6 +186,27 @@ mod tests {
     }
 
     #[test]
+    fn entries_come_in_their_order_however_the_list_was_made() {
+        let lua = Lua::new();
+        let read = |script: &str| -> Result<Vec<i64>> {
+            let list: Table = lua.load(script).eval().unwrap();
+            let entries = entries(&list, "pdk.x")?;
+            entries.map(|entry| Ok(entry?.as_i64().unwrap())).collect()
+        };
+        let backwards = "local list = {} for i = 5, 1, -1 do list[i] = i end return list";
+        assert_eq!(read(backwards).unwrap(), [1, 2, 3, 4, 5]);
+        assert_eq!(from_lua(&lua.load(backwards).eval().unwrap(), "x").unwrap(), json!([1, 2, 3, 4, 5]));
+        for (script, said) in [
+            ("return { 1, nil, 3 }", "pdk.x has a gap"),
+            ("return { 1, 2, x = 3 }", "is a list and has fields as well"),
+            ("return { 1, 2, [print] = 3 }", "pdk.x has a function as a key"),
+        ] {
+            let error = read(script).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
     fn what_a_program_writes_is_what_a_script_writes() {
         let script = "return { b = { 1, 2.5, 'x' }, a = { c = true, z = 18446744073709551616 }, e = 0 }";
         let written = json!({"e": -0.0, "b": [1.0, 2.5, "x"], "a": {"z": 18446744073709551616.0, "c": true}});
@@ -184,6 +222,7 @@ mod tests {
             ("return { f = print }", "pdk.x.f is a function, which is of no use here"),
             ("return { 1, x = 2 }", "pdk.x is a list and has fields as well"),
             ("return { [1] = 1, [3] = 3, [2.5] = 1 }", "pdk.x has a gap"),
+            ("return { 1, nil, 3 }", "pdk.x has a gap"),
             ("return { [print] = 1 }", "pdk.x has a function as a key"),
             ("local t = {} t.t = t return t", "does a table hold itself?"),
         ] {

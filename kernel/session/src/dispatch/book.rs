@@ -103,7 +103,6 @@ impl Book {
     /// # Errors
     /// If it cannot be written.
     pub fn finish(&mut self) -> Result<()> {
-        self.sync()?;
         match &mut self.record {
             Some(record) => record.ledger.finish(&self.order),
             None => Ok(()),

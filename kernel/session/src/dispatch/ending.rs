@@ -13,7 +13,7 @@ use crate::connection::Connection;
 use crate::interrupt::{self, Wish};
 use crate::submission::Event;
 use pdk_loop::lines::Found;
-use pdk_loop::protocol::{FromWorker, Ready, Work};
+use pdk_loop::protocol::{FromWorker, Ready};
 
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);
@@ -60,13 +60,11 @@ impl Dispatch {
     pub(super) fn drop_tasks(&mut self, numbers: Vec<u64>) {
         for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
-            if let Some(Task { work: Some(work), submission: Some(submission), .. }) =
-                self.jobs.tasks.get(&number)
-                && let Work::Drive(drive) = &**work
-                && let (Some(trace), Some(record)) = (&drive.trace, &self.book.record)
+            if let Some(Task { submission: Some(submission), .. }) = self.jobs.tasks.get(&number)
+                && let Some(record) = &self.book.record
                 && !record.ledger.has(&submission.id)
             {
-                let _ = std::fs::remove_file(trace);
+                let _ = std::fs::remove_file(record.directory.trace_path(&submission.id));
             }
             self.finish(number, Err(interrupt::error()));
         }

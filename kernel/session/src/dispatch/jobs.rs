@@ -10,7 +10,7 @@ use crate::submission::{Ticket, WaitingSubmission};
 
 /// A job and who waits for it.
 pub struct Task {
-    /// What there is to do; none while a scenario waits that is recorded.
+    /// What there is to do; none for a scenario that is recorded, until it is given away.
     pub work: Option<Box<Work>>,
     /// A scenario that is recorded, as it waits.
     pub submission: Option<WaitingSubmission>,

@@ -103,8 +103,7 @@ impl Components {
         keys.filter(|key| key.as_ref().map_or(true, |key| self.fatal.contains_key(key))).collect()
     }
 
-    /// How components of these scenarios went wrong when they were made, each once. If the scenarios went well all the same, a component
-    /// crashes only when it is dropped.
+    /// How components of these scenarios went wrong when they were made, each once.
     pub fn troubles<'a>(&'a self, scenarios: impl Iterator<Item = &'a Submitted>) -> Vec<String> {
         let keys: BTreeSet<&Key> = scenarios.flat_map(|submitted| &submitted.fatal).collect();
         keys.into_iter().filter_map(|key| self.fatal.get(key)).map(ToString::to_string).collect()

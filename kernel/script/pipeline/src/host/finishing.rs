@@ -34,6 +34,7 @@ impl Host {
         let whole = script.is_ok() && rest.is_ok();
         let written =
             self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
+        // A component that crashes only when it is dropped goes wrong when it is made, and scenarios go well with it all the same.
         let good = self.scenarios.own().filter(|(_, came)| came.error.is_none());
         let mut troubles = self.components.troubles(good.map(|(submitted, _)| submitted));
         for trouble in self.session.end() {

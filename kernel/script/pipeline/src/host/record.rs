@@ -42,7 +42,8 @@ impl RunRecord {
     /// If it cannot be written, or the folder holds the record of another run.
     pub fn begin(&mut self, setup: &mut Setup) -> Result<()> {
         let directory = self.open(setup)?;
-        setup.pipeline.modules = (setup.modules)();
+        let new = (setup.modules)(setup.pipeline.modules.len());
+        setup.pipeline.modules.extend(new);
         // They only become more, and nothing else changes. A pipeline may submit many scenarios one by one.
         let in_use = [setup.pipeline.modules.len(), self.in_use.count(), self.evaluations.len()];
         if self.written == Some(in_use) {

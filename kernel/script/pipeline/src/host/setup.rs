@@ -13,8 +13,8 @@ use crate::settings::PipelineSettings;
 pub struct Setup {
     /// The pipeline.
     pub pipeline: Pipeline,
-    /// Tells which modules were required so far.
-    pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    /// Gives the modules that were required so far, but for this many first ones.
+    pub modules: Box<dyn Fn(usize) -> Vec<Module> + Send>,
     /// The folders that `--plugins` and `--drop-ins` named, for the manifest.
     pub given: (Vec<PathBuf>, Vec<PathBuf>),
     /// Where components are looked for.
