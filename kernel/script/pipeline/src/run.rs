@@ -128,7 +128,7 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
 }
 
 /// Starts the session of a pipeline, and says what had to be left out. `modules` gives the modules that it has required so far, but for
-/// the first ones, of which there are as many as it is told.
+/// as many first ones as its argument says.
 pub(crate) fn start(
     script: Script,
     modules: Box<dyn Fn(usize) -> Vec<Module> + Send>,
