@@ -216,16 +216,12 @@ impl Dispatch {
             task.tries += 1;
             task.began = false;
             (task.given, task.heard) = (Instant::now(), Instant::now());
-            let work = match (&task.work, &task.submission) {
-                (None, Some(submission)) => {
-                    Some(Box::new(Work::Drive(Box::new(self.book.drive(submission)?))))
-                }
-                (work, _) => work.clone(),
-            };
-            let Some(work) = work else {
+            if let (None, Some(submission)) = (&task.work, &task.submission) {
+                task.work = Some(Box::new(Work::Drive(Box::new(self.book.drive(submission)?))));
+            }
+            let Some(work) = task.work.clone() else {
                 return Err(Error::new("there is nothing to do for a job, which is a defect in pdk"));
             };
-            task.work = Some(work.clone());
             let scenario = match (&task.submission, &*work) {
                 (Some(submission), _) => Some(submission.id),
                 (None, Work::Drive(drive)) => Some(drive.scenario.id()),

@@ -54,7 +54,7 @@ impl Submission {
     }
 }
 
-/// A submission as a text, which takes a quarter of the memory: many may wait.
+/// A submission as a text, which takes less memory: many may wait.
 #[derive(Debug, Clone)]
 pub struct WaitingSubmission {
     /// The id of the scenario.

@@ -218,11 +218,7 @@ fn without_scenarios(lua: &Lua, request: &LuaValue) -> mlua::Result<(LuaValue, O
     let list = request.as_table().map(|table| table.raw_get::<LuaValue>(SCENARIOS)).transpose()?;
     let list = list.as_ref().and_then(LuaValue::as_table).filter(|list| list.raw_len() > 0);
     let (Some(table), Some(list)) = (request.as_table(), list) else { return Ok((request.clone(), None)) };
-    let shared = lua.create_table()?;
-    for pair in table.pairs::<LuaValue, LuaValue>() {
-        let (key, value) = pair?;
-        shared.raw_set(key, value)?;
-    }
+    let shared = levels::copied(lua, table)?;
     shared.raw_set(SCENARIOS, [true])?;
     Ok((LuaValue::Table(shared), Some(list.clone())))
 }

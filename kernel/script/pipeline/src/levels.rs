@@ -47,7 +47,8 @@ fn has_function(list: &Table) -> bool {
     })
 }
 
-fn copied(lua: &Lua, table: &Table) -> mlua::Result<Table> {
+/// A table with the same fields.
+pub fn copied(lua: &Lua, table: &Table) -> mlua::Result<Table> {
     let copy = lua.create_table()?;
     for pair in table.pairs::<LuaValue, LuaValue>() {
         let (key, value) = pair?;
