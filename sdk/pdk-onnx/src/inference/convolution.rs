@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, single, singles};
-use super::lanes::LANES;
+use super::lanes::{LANES, Number};
 use super::planar::{self, Row, Rows};
 use super::product::{self, Packed, Place};
 use crate::operators::{conv, conv_transpose};
@@ -15,7 +15,7 @@ use crate::site::Site;
 use crate::tensor::{Tensor, elements, for_each_position};
 
 /// A convolution, or one that is transposed.
-pub struct Convolution {
+pub struct Convolution<N = f32> {
     batch: usize,
     group: usize,
     /// Channels of the input in a group.
@@ -27,23 +27,23 @@ pub struct Convolution {
     /// The lengths of a channel of the input, and how it is laid out before it is read.
     input: Vec<usize>,
     layout: Layout,
-    parts: Vec<Part>,
+    parts: Vec<Part<N>>,
     /// The input as it is read, with what is around it.
-    laid_out: Vec<f32>,
+    laid_out: Vec<N>,
     /// Whether the weights are constant: then they have been packed.
-    packed: bool,
-    bias: Option<Vec<f32>>,
+    is_constant: bool,
+    bias: Option<Vec<N>>,
     transposed: bool,
 }
 
 /// Outputs that are sums over the same taps.
-struct Part {
+struct Part<N> {
     taps: Vec<u32>,
     /// For each tap the channel and the element of the kernel.
     elements: Vec<(usize, usize)>,
     places: Places,
     /// By group.
-    weights: Vec<Weights>,
+    weights: Vec<Weights<N>>,
 }
 
 /// Where the outputs are.
@@ -52,9 +52,9 @@ enum Places {
     Rows(Rows),
 }
 
-enum Weights {
-    Outputs(Packed),
-    Places(planar::Weights),
+enum Weights<N> {
+    Outputs(Packed<N>),
+    Places(planar::Weights<N>),
 }
 
 /// How a channel of the input is laid out.
@@ -104,7 +104,7 @@ impl Layout {
     }
 
     /// Copies the channels of an input to where they are read.
-    fn lay_out(&self, input: &[usize], channels: &[f32], into: &mut [f32]) {
+    fn lay_out<N: Copy>(&self, input: &[usize], channels: &[N], into: &mut [N]) {
         let width = input[input.len() - 1];
         let outer = &input[..input.len() - 1];
         let rows = channels.chunks_exact((outer.iter().product::<usize>() * width).max(1));
@@ -138,32 +138,8 @@ impl Convolution {
     /// # Errors
     /// If the node contradicts itself.
     pub fn new(site: &Site<'_>, weights: Option<&Tensor>, bias: Option<&Tensor>) -> Result<Self> {
-        let (window, group) = conv::window(site)?;
         let (image, kernel) = (site.shape(0)?, site.shape(1)?);
-        let (filters, depth) = (kernel[0] / group, kernel[1]);
-        let last = window.kernel.len() - 1;
-        // So that the elements of neighbouring places are neighbours too, if those may become lanes.
-        let phases = if filters < LANES && window.output[last] >= LANES { window.strides[last] } else { 1 };
-        let lengths =
-            (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
-        let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases)?;
-        let mut places = Vec::new();
-        for_each_position(&window.output, |place| {
-            let from = layout.at(place.iter().zip(&window.strides).map(|(at, stride)| at * stride));
-            places.push(Place { from: from as u32, to: places.len() as u32 });
-        });
-        let places = by_rows(places, filters, 1);
-        let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
-        let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
-        let plane = window.output.iter().product();
-        Self::of(
-            Shape { batch: image[0], group, depth, filters, plane, transposed: false },
-            window.input,
-            layout,
-            vec![part],
-            weights,
-            bias,
-        )
+        Ok(Self::over(site, image, kernel, kernel[1])?.with(weights, bias))
     }
 
     /// `ConvTranspose`.
@@ -205,28 +181,55 @@ impl Convolution {
         });
         let parts = parts.collect::<Result<_>>()?;
         let plane = window.input.iter().product();
-        Self::of(
-            Shape { batch: image[0], group, depth, filters, plane, transposed: true },
-            window.output,
-            layout,
-            parts,
-            weights,
-            bias,
-        )
+        let shape = Shape { batch: image[0], group, depth, filters, plane, transposed: true };
+        Ok(Self::of(shape, window.output, layout, parts)?.with(weights, bias))
     }
 
-    fn of(
-        shape: Shape,
-        input: Vec<usize>,
-        layout: Layout,
-        parts: Vec<Part>,
-        weights: Option<&Tensor>,
-        bias: Option<&Tensor>,
-    ) -> Result<Self> {
+    /// The same with constant weights and a constant bias, as far as they are.
+    fn with(mut self, weights: Option<&Tensor>, bias: Option<&Tensor>) -> Self {
+        self.bias = bias.map(singles);
+        if let Some(weights) = weights {
+            let bias = self.bias.take().unwrap_or_default();
+            self.pack(&singles(weights), &bias);
+            self.is_constant = true;
+        }
+        self
+    }
+}
+
+impl<N: Number> Convolution<N> {
+    /// A convolution of an image with a kernel of these shapes, which has as many numbers for each filter and place of the kernel as
+    /// `depth` says. Its weights are packed later.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn over(site: &Site<'_>, image: &[usize], kernel: &[usize], depth: usize) -> Result<Self> {
+        let (window, group) = conv::window_over(site, image, kernel)?;
+        let filters = kernel[0] / group;
+        let last = window.kernel.len() - 1;
+        // So that the elements of neighbouring places are neighbours too, if those may become lanes.
+        let phases = if filters < LANES && window.output[last] >= LANES { window.strides[last] } else { 1 };
+        let lengths =
+            (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
+        let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases)?;
+        let mut places = Vec::new();
+        for_each_position(&window.output, |place| {
+            let from = layout.at(place.iter().zip(&window.strides).map(|(at, stride)| at * stride));
+            places.push(Place { from: from as u32, to: places.len() as u32 });
+        });
+        let places = by_rows(places, filters, 1);
+        let tap = |axis: usize, at: usize| Some(at * window.dilations[axis]);
+        let part = Part::new(&layout, depth, &window.kernel, places, tap)?;
+        let plane = window.output.iter().product();
+        let shape = Shape { batch: image[0], group, depth, filters, plane, transposed: false };
+        Self::of(shape, window.input, layout, vec![part])
+    }
+
+    fn of(shape: Shape, input: Vec<usize>, layout: Layout, parts: Vec<Part<N>>) -> Result<Self> {
         let Shape { batch, group, depth, filters, plane, transposed } = shape;
         let room = if layout.is_copied { elements(&[depth, layout.plane()])? } else { 0 };
         elements(&[filters, plane, 2])?;
-        let mut convolution = Self {
+        Ok(Self {
             batch,
             group,
             depth,
@@ -235,20 +238,15 @@ impl Convolution {
             input,
             layout,
             parts,
-            laid_out: vec![0.0; room],
-            packed: weights.is_some(),
-            bias: bias.map(singles),
+            laid_out: vec![N::default(); room],
+            is_constant: false,
+            bias: None,
             transposed,
-        };
-        if let Some(weights) = weights {
-            let bias = convolution.bias.take().unwrap_or_default();
-            convolution.pack(&singles(weights), &bias);
-        }
-        Ok(convolution)
+        })
     }
 
     /// Packs the weights for every part.
-    fn pack(&mut self, weights: &[f32], bias: &[f32]) {
+    pub fn pack(&mut self, weights: &[N], bias: &[N]) {
         let (group, depth, filters, transposed) = (self.group, self.depth, self.filters, self.transposed);
         for part in &mut self.parts {
             // Weights of a convolution are by filter, channel and element; of a transposed one, by channel, filter and element.
@@ -264,7 +262,8 @@ impl Convolution {
                         };
                         weights[row * taps + element]
                     };
-                    let start = |filter: usize| bias.get(group * filters + filter).copied().unwrap_or(0.0);
+                    let start =
+                        |filter: usize| bias.get(group * filters + filter).copied().unwrap_or_default();
                     match &part.places {
                         Places::Each(places) => Weights::Outputs(Packed::new(
                             filters,
@@ -292,7 +291,7 @@ struct Shape {
     transposed: bool,
 }
 
-impl Part {
+impl<N> Part<N> {
     /// The taps of a kernel. `tap` says how far an element of it lies from where a place begins, along an axis; none if it is not an
     /// element for this part.
     fn new(
@@ -345,19 +344,12 @@ fn by_rows(places: Vec<Place>, filters: usize, step: usize) -> Places {
     }
 }
 
-impl Operation for Convolution {
-    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
-        let image = single(inputs, 0)?;
-        if !self.packed {
-            let weights = single(inputs, 1)?.to_vec();
-            let bias = match (&self.bias, inputs.get(2)) {
-                (Some(bias), _) => bias.clone(),
-                (None, Some(Some(_))) => single(inputs, 2)?.to_vec(),
-                (None, _) => Vec::new(),
-            };
-            self.pack(&weights, &bias);
-        }
-        let result = outputs[0].single_mut()?;
+impl<N: Number> Convolution<N> {
+    /// Convolves an image; the weights have been packed.
+    ///
+    /// # Errors
+    /// If they are packed for other places, which is a defect.
+    pub fn convolve(&mut self, image: &[N], result: &mut [N]) -> Result<()> {
         let (channel, plane) = (self.input.iter().product::<usize>(), self.plane);
         for number in 0..self.batch * self.group {
             let image = &image[number * self.depth * channel..][..self.depth * channel];
@@ -387,5 +379,20 @@ impl Operation for Convolution {
             }
         }
         Ok(())
+    }
+}
+
+impl Operation for Convolution {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        if !self.is_constant {
+            let weights = single(inputs, 1)?;
+            let bias = match (&self.bias, inputs.get(2)) {
+                (Some(bias), _) => bias.clone(),
+                (None, Some(Some(_))) => single(inputs, 2)?.to_vec(),
+                (None, _) => Vec::new(),
+            };
+            self.pack(weights, &bias);
+        }
+        self.convolve(single(inputs, 0)?, outputs[0].single_mut()?)
     }
 }

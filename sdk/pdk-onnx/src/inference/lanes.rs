@@ -2,36 +2,87 @@
 //!
 //! The order of additions and where they are rounded is all that a sum of products depends on. Both are the same here for every
 //! processor: those with the instructions of x86-64-v3 or of aarch64 have a fused multiply-add, and for others it is computed.
+//!
+//! Sums of integers are exact. A factor of them has 32 bits like a sum, in which two integers of 16 bits lie side by side, and a
+//! multiply-add adds both products.
+
+use super::integers;
 
 /// The number of lanes.
 pub const LANES: usize = 8;
 
+/// What lanes hold: 32-bit floats, or 32-bit integers.
+pub trait Number: Copy + Default + Send + 'static {
+    /// The lanes for processors without vector instructions that are used here.
+    type Portable: Lanes<Self>;
+
+    /// Those for processors with AVX2 and FMA.
+    #[cfg(target_arch = "x86_64")]
+    type Avx: Lanes<Self>;
+
+    /// Those for processors with AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    type Avx512: Lanes<Self>;
+
+    /// Those for processors with AVX-512 and its instructions for products of integers, if these are used.
+    #[cfg(target_arch = "x86_64")]
+    type Vnni: Lanes<Self>;
+
+    /// Whether they are.
+    #[cfg(target_arch = "x86_64")]
+    const HAS_VNNI: bool;
+}
+
+impl Number for f32 {
+    type Portable = Portable<Self>;
+    #[cfg(target_arch = "x86_64")]
+    type Avx = avx::Avx;
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = avx::Avx512;
+    #[cfg(target_arch = "x86_64")]
+    type Vnni = avx::Avx512;
+    #[cfg(target_arch = "x86_64")]
+    const HAS_VNNI: bool = false;
+}
+
+impl Number for i32 {
+    type Portable = Portable<Self>;
+    #[cfg(target_arch = "x86_64")]
+    type Avx = integers::Avx;
+    #[cfg(target_arch = "x86_64")]
+    type Avx512 = integers::Avx512;
+    #[cfg(target_arch = "x86_64")]
+    type Vnni = integers::Vnni;
+    #[cfg(target_arch = "x86_64")]
+    const HAS_VNNI: bool = true;
+}
+
 /// Sixteen numbers.
-pub trait Pair: Copy {
+pub trait Pair<N = f32>: Copy {
     /// The same number in each lane.
-    fn splat(value: f32) -> Self;
+    fn splat(value: N) -> Self;
 
     /// Sixteen numbers that lie side by side.
     ///
     /// # Safety
     /// They have to be readable from `place` on.
-    unsafe fn load(place: *const f32) -> Self;
+    unsafe fn load(place: *const N) -> Self;
 
     /// `self * factor + sum`, rounded once.
     fn multiply_add(self, factor: Self, sum: Self) -> Self;
 
     /// The numbers.
-    fn to_array(self) -> [f32; 2 * LANES];
+    fn to_array(self) -> [N; 2 * LANES];
 }
 
-impl<L: Lanes> Pair for [L; 2] {
+impl<N: Number, L: Lanes<N>> Pair<N> for [L; 2] {
     #[inline(always)]
-    fn splat(value: f32) -> Self {
+    fn splat(value: N) -> Self {
         [L::splat(value); 2]
     }
 
     #[inline(always)]
-    unsafe fn load(place: *const f32) -> Self {
+    unsafe fn load(place: *const N) -> Self {
         // SAFETY: the caller says that sixteen numbers are there.
         unsafe { [L::load(place), L::load(place.add(LANES))] }
     }
@@ -43,37 +94,37 @@ impl<L: Lanes> Pair for [L; 2] {
     }
 
     #[inline(always)]
-    fn to_array(self) -> [f32; 2 * LANES] {
-        let mut array = [0.0; 2 * LANES];
+    fn to_array(self) -> [N; 2 * LANES] {
+        let mut array = [N::default(); 2 * LANES];
         array.as_chunks_mut().0.iter_mut().zip(self).for_each(|(into, lanes)| *into = lanes.to_array());
         array
     }
 }
 
 /// Eight numbers.
-pub trait Lanes: Copy {
+pub trait Lanes<N = f32>: Copy {
     /// Sixteen numbers.
-    type Pair: Pair;
+    type Pair: Pair<N>;
 
     /// The same number in each lane.
-    fn splat(value: f32) -> Self;
+    fn splat(value: N) -> Self;
 
     /// Eight numbers that lie side by side.
     ///
     /// # Safety
     /// They have to be readable from `place` on.
-    unsafe fn load(place: *const f32) -> Self;
+    unsafe fn load(place: *const N) -> Self;
 
     /// `self * factor + sum`, rounded once.
     fn multiply_add(self, factor: Self, sum: Self) -> Self;
 
     /// The numbers.
-    fn to_array(self) -> [f32; LANES];
+    fn to_array(self) -> [N; LANES];
 }
 
 /// For processors without vector instructions that are used here.
 #[derive(Clone, Copy)]
-pub struct Portable([f32; LANES]);
+pub struct Portable<N = f32>([N; LANES]);
 
 impl Lanes for Portable {
     type Pair = [Self; 2];
@@ -100,6 +151,35 @@ impl Lanes for Portable {
 
     #[inline(always)]
     fn to_array(self) -> [f32; LANES] {
+        self.0
+    }
+}
+
+impl Lanes<i32> for Portable<i32> {
+    type Pair = [Self; 2];
+
+    #[inline(always)]
+    fn splat(value: i32) -> Self {
+        Self([value; LANES])
+    }
+
+    #[inline(always)]
+    unsafe fn load(place: *const i32) -> Self {
+        // SAFETY: the caller says that eight numbers are there; they need not be aligned.
+        Self(unsafe { place.cast::<[i32; LANES]>().read_unaligned() })
+    }
+
+    #[inline(always)]
+    fn multiply_add(self, factor: Self, sum: Self) -> Self {
+        let mut result = sum;
+        for ((result, a), b) in result.0.iter_mut().zip(self.0).zip(factor.0) {
+            *result = integers::multiply_add(a, b, *result);
+        }
+        result
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [i32; LANES] {
         self.0
     }
 }
@@ -238,35 +318,48 @@ mod avx {
         }
     }
 }
-#[cfg(target_arch = "x86_64")]
-pub use avx::{Avx, Avx512};
-
 /// Work that is written once for every kind of lanes.
-pub trait Work {
+pub trait Work<N: Number = f32> {
     /// Does it.
-    fn with<L: Lanes>(self);
+    fn with<L: Lanes<N>>(self);
+}
+
+/// What processors have, from the least to the most.
+#[cfg(test)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    Portable,
+    Avx,
+    Avx512,
+    Vnni,
 }
 
 #[cfg(test)]
 thread_local! {
-    /// Whether this thread does work as processors without vector instructions do.
-    static IS_PORTABLE: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+    /// What this thread may use of its processor.
+    static LEVEL: std::cell::Cell<Level> = const { std::cell::Cell::new(Level::Vnni) };
+}
+
+/// Computes something as processors with no more than this do.
+#[cfg(test)]
+pub fn limited<T>(level: Level, compute: impl FnOnce() -> T) -> T {
+    LEVEL.set(level);
+    let result = compute();
+    LEVEL.set(Level::Vnni);
+    result
 }
 
 /// Computes something as processors without vector instructions do.
 #[cfg(test)]
 pub fn portably<T>(compute: impl FnOnce() -> T) -> T {
-    IS_PORTABLE.set(true);
-    let result = compute();
-    IS_PORTABLE.set(false);
-    result
+    limited(Level::Portable, compute)
 }
 
 /// Does work with the best lanes of this processor.
-pub fn dispatch(work: impl Work) {
+pub fn dispatch<N: Number>(work: impl Work<N>) {
     #[cfg(test)]
-    if IS_PORTABLE.get() {
-        return work.with::<Portable>();
+    if LEVEL.get() == Level::Portable {
+        return work.with::<N::Portable>();
     }
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -274,13 +367,14 @@ pub fn dispatch(work: impl Work) {
         unsafe { with_avx(work) };
         return;
     }
-    work.with::<Portable>();
+    work.with::<N::Portable>();
 }
 
 /// Whether a pair is one register on this processor, which then also computes with twice as many 64-bit floats at a time.
 pub fn has_wide_lanes() -> bool {
     #[cfg(target_arch = "x86_64")]
     return is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
         && is_x86_feature_detected!("avx2")
         && is_x86_feature_detected!("fma");
     #[cfg(not(target_arch = "x86_64"))]
@@ -288,14 +382,27 @@ pub fn has_wide_lanes() -> bool {
 }
 
 /// Does work with the best lanes of this processor, if it is faster with registers of sixteen.
-pub fn dispatch_wide(work: impl Work) {
+pub fn dispatch_wide<N: Number>(work: impl Work<N>) {
     #[cfg(test)]
-    if IS_PORTABLE.get() {
-        return work.with::<Portable>();
+    match LEVEL.get() {
+        Level::Portable | Level::Avx => return dispatch(work),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 if has_wide_lanes() => {
+            // SAFETY: the processor has the four extensions.
+            unsafe { with_avx512(work) };
+            return;
+        }
+        _ => {}
+    }
+    #[cfg(target_arch = "x86_64")]
+    if N::HAS_VNNI && has_wide_lanes() && is_x86_feature_detected!("avx512vnni") {
+        // SAFETY: the processor has the five extensions.
+        unsafe { with_vnni(work) };
+        return;
     }
     #[cfg(target_arch = "x86_64")]
     if has_wide_lanes() {
-        // SAFETY: the processor has the three extensions.
+        // SAFETY: the processor has the four extensions.
         unsafe { with_avx512(work) };
         return;
     }
@@ -303,15 +410,21 @@ pub fn dispatch_wide(work: impl Work) {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx2,fma")]
-fn with_avx512(work: impl Work) {
-    work.with::<Avx512>();
+#[target_feature(enable = "avx512f,avx512bw,avx512vnni,avx2,fma")]
+fn with_vnni<N: Number>(work: impl Work<N>) {
+    work.with::<N::Vnni>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx2,fma")]
+fn with_avx512<N: Number>(work: impl Work<N>) {
+    work.with::<N::Avx512>();
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn with_avx(work: impl Work) {
-    work.with::<Avx>();
+fn with_avx<N: Number>(work: impl Work<N>) {
+    work.with::<N::Avx>();
 }
 
 #[cfg(test)]

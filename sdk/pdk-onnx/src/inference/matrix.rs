@@ -4,14 +4,21 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::buffer::{Buffer, Operation, single, singles};
-use super::lanes::multiply_add;
+use super::lanes::{Number, multiply_add};
 use super::product::{self, Packed, Place};
 use crate::operators::matmul;
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, for_each_position};
 
-/// Products of matrices.
+/// `MatMul` and `Gemm`.
 pub struct Product {
+    matrices: Matrices,
+    is_constant: bool,
+    sum: Option<Sum>,
+}
+
+/// Products of matrices.
+pub struct Matrices<N = f32> {
     rows: usize,
     inner: usize,
     columns: usize,
@@ -24,9 +31,7 @@ pub struct Product {
     taps: Vec<u32>,
     places: Vec<Place>,
     /// The right matrices; those that are computed are packed again for each frame.
-    packed: Vec<Packed>,
-    is_constant: bool,
-    sum: Option<Sum>,
+    packed: Vec<Packed<N>>,
 }
 
 /// What `Gemm` does beside the product.
@@ -37,13 +42,13 @@ struct Sum {
     addend: Option<Vec<u32>>,
 }
 
-impl Product {
-    /// `MatMul`; `right` is its right side, if that is constant.
+impl<N: Number> Matrices<N> {
+    /// Products of stacks of matrices of these shapes, as `MatMul` has them. The right matrices are packed later.
     ///
     /// # Errors
-    /// If the node contradicts itself.
-    pub fn stacks(site: &Site<'_>, right: Option<&Tensor>) -> Result<Self> {
-        let [a, b] = matmul::matrices(site.shape(0)?, site.shape(1)?)?;
+    /// If they do not go together.
+    pub fn stacks(left: &[usize], right: &[usize]) -> Result<Self> {
+        let [a, b] = matmul::matrices(left, right)?;
         let shape = matmul::product_shape(&a, &b)?;
         let (rank, stack) = (shape.len(), &shape[..shape.len() - 2]);
         let (rows, inner, columns) = (shape[rank - 2], a[a.len() - 1], shape[rank - 1]);
@@ -57,24 +62,55 @@ impl Product {
         let mut stacks = Vec::new();
         for_each_position(stack, |at| stacks.push((number(&a, at) * rows * inner, number(&b, at))));
         let count: usize = b[..b.len() - 2].iter().product();
-        let starts = (0..count).map(|number| number * inner * columns).collect();
         let places = (0..rows).map(|row| place(row * inner, row * columns));
         let taps = (0..inner).map(offset).collect::<Result<_>>()?;
         elements(&[rows, columns])?;
-        let product = Self {
+        Ok(Self {
             rows,
             inner,
             columns,
             right: [columns, 1],
             stacks,
-            starts,
+            starts: (0..count).map(|number| number * inner * columns).collect(),
             taps,
             places: places.collect::<Result<_>>()?,
             packed: Vec::new(),
-            is_constant: right.is_some(),
-            sum: None,
-        };
-        Ok(product.with(right, &[]))
+        })
+    }
+
+    /// The same with what the sums of each column begin with.
+    pub fn starting_with(mut self, start: &[N]) -> Self {
+        let start = |output: usize| start.get(output).copied().unwrap_or_default();
+        let empty = Packed::new(self.columns, self.inner, self.rows, |_, _| N::default(), start);
+        self.packed = vec![empty; self.starts.len()];
+        self
+    }
+
+    /// Packs the right matrices.
+    pub fn pack(&mut self, values: &[N]) {
+        for (packed, first) in self.packed.iter_mut().zip(&self.starts) {
+            packed.fill(&values[*first..], self.right);
+        }
+    }
+
+    /// Multiplies the left matrices with the right ones, which have been packed.
+    pub fn multiply(&self, left: &[N], result: &mut [N]) {
+        for (&(first, number), into) in
+            self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1)))
+        {
+            product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, into);
+        }
+    }
+}
+
+impl Product {
+    /// `MatMul`; `right` is its right side, if that is constant.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn stacks(site: &Site<'_>, right: Option<&Tensor>) -> Result<Self> {
+        let matrices = Matrices::stacks(site.shape(0)?, site.shape(1)?)?.starting_with(&[]);
+        Ok(Self { matrices, is_constant: false, sum: None }.with(right))
     }
 
     /// `Gemm`; `right` and `addend` are given if they are constant.
@@ -113,7 +149,7 @@ impl Product {
         });
         let addend = addend.transpose()?;
         let sum = (factor != 1.0 || addend.is_some()).then_some(Sum { factor, addend_factor, addend });
-        let product = Self {
+        let matrices = Matrices {
             rows,
             inner,
             columns,
@@ -123,27 +159,17 @@ impl Product {
             taps,
             places: places.collect::<Result<_>>()?,
             packed: Vec::new(),
-            is_constant: right.is_some(),
-            sum,
         };
-        Ok(product.with(right, &start))
+        Ok(Self { matrices: matrices.starting_with(&start), is_constant: false, sum }.with(right))
     }
 
-    fn with(mut self, right: Option<&Tensor>, start: &[f32]) -> Self {
-        let start = |output: usize| start.get(output).copied().unwrap_or(0.0);
-        let empty = Packed::new(self.columns, self.inner, self.rows, |_, _| 0.0, start);
-        self.packed = vec![empty; self.starts.len()];
+    /// The same with a constant right side, if it is.
+    fn with(mut self, right: Option<&Tensor>) -> Self {
         if let Some(right) = right {
-            self.pack(&singles(right));
+            self.matrices.pack(&singles(right));
+            self.is_constant = true;
         }
         self
-    }
-
-    /// Packs the right matrices.
-    fn pack(&mut self, values: &[f32]) {
-        for (packed, first) in self.packed.iter_mut().zip(&self.starts) {
-            packed.fill(&values[*first..], self.right);
-        }
     }
 }
 
@@ -160,13 +186,9 @@ impl Operation for Product {
         let left = single(inputs, 0)?;
         let result = outputs[0].single_mut()?;
         if !self.is_constant {
-            self.pack(single(inputs, 1)?);
+            self.matrices.pack(single(inputs, 1)?);
         }
-        for (&(first, number), into) in
-            self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1)))
-        {
-            product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, into);
-        }
+        self.matrices.multiply(left, result);
         let Some(Sum { factor, addend_factor, addend }) = &self.sum else { return Ok(()) };
         match addend {
             None => result.iter_mut().for_each(|value| *value *= factor),

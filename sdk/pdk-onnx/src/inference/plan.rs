@@ -11,6 +11,7 @@ use super::convolution::Convolution;
 use super::elementwise::{Binary, Unary};
 use super::extremes::Extremes;
 use super::functions::Smooth;
+use super::fusion::{self, Fusion};
 use super::matrix::Product;
 use super::movement::{Movement, moved};
 use super::neighbours::Neighbours;
@@ -18,6 +19,8 @@ use super::normalization::Normalization;
 use super::plain::{self, Plain};
 use super::pooling::Pool;
 use super::power::Power;
+use super::quantization::Quantization;
+use super::quantized::Quantized;
 use super::reduction::Reduction;
 use super::resize::Resize;
 use super::several::Several;
@@ -65,9 +68,15 @@ pub fn program(graph: Graph) -> Result<Program> {
     if !unknown.is_empty() {
         return Err(Error::new(format!("these operators are not known: {}", unknown.join(", "))));
     }
+    let mut fusions = fusion::all(&graph, &needed)?;
+    let needed = fusion::needed(&graph, &fusions);
     let mut steps = Vec::new();
     for (place, node) in graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]) {
-        steps.extend(plan.step(place).map_err(|error| error.at(describe(node)))?);
+        let step = match fusions.remove(&place) {
+            Some(fusion) => plan.fused(fusion).map(Some),
+            None => plan.step(place),
+        };
+        steps.extend(step.map_err(|error| error.at(describe(node)))?);
     }
     let results = outputs.iter().map(|name| plan.operand(name)).collect::<Result<Vec<_>>>()?;
     plan.allocate(steps, &inputs, results)
@@ -157,22 +166,43 @@ impl<'a> Plan<'a> {
             return Ok(None);
         }
         let operation = operation(graph, place, &site, &constants)?;
-        let inputs = node.input.iter().map(|name| match name.as_str() {
+        self.step_of(operation, node.input.iter().map(String::as_str), &node.output).map(Some)
+    }
+
+    /// How nodes that belong together are computed.
+    fn fused(&mut self, fusion: Fusion<'a>) -> Result<Step> {
+        let graph = self.graph;
+        let nodes = || fusion.nodes.iter().map(|place| &graph.nodes()[*place]);
+        for node in nodes() {
+            check(graph, &Site::new(&graph.values, node)).map_err(|error| error.at(describe(node)))?;
+        }
+        let outputs = nodes().next_back().map_or(&[][..], |last| &last.output);
+        self.step_of(Box::new(fusion.operation), fusion.inputs.iter().copied(), outputs)
+    }
+
+    /// An operation between values.
+    fn step_of(
+        &mut self,
+        operation: Box<dyn Operation>,
+        inputs: impl Iterator<Item = &'a str>,
+        names: &'a [String],
+    ) -> Result<Step> {
+        let inputs = inputs.map(|name| match name {
             "" => Ok(None),
             name => self.operand(name).map(Some),
         });
         let inputs = inputs.collect::<Result<Vec<_>>>()?;
         let mut outputs = Vec::new();
-        for name in &node.output {
+        for name in names {
             let number = self.value(name)?;
             outputs.push((number, self.values_known[number].0, self.values_known[number].1));
         }
-        Ok(Some(Step {
+        Ok(Step {
             operation,
             inputs,
             results: outputs.iter().map(|_| Buffer::Single(Vec::new())).collect(),
             outputs,
-        }))
+        })
     }
 
     /// Gives each value a buffer, which it leaves to others after its last use.
@@ -320,6 +350,12 @@ fn operation(
         && let Some(movement) = Movement::new(operator, site, &moved, constants)?
     {
         return Ok(Box::new(movement));
+    }
+    if let Some(quantization) = Quantization::new(site, constants)? {
+        return Ok(Box::new(quantization));
+    }
+    if let Some(quantized) = Quantized::of(site, constants)? {
+        return Ok(Box::new(quantized));
     }
     if all(|element| element.is_float() && is_single(element)) {
         // Axes and exponents are often 64-bit integers.

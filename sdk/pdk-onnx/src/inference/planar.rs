@@ -5,7 +5,7 @@
 
 use std::array;
 
-use super::lanes::{LANES, Lanes, Work, dispatch};
+use super::lanes::{LANES, Lanes, Number, Work, dispatch};
 
 /// A row of places: the tap of one lies one element after that of the place before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,23 +29,23 @@ pub struct Rows {
 
 /// The weights of all outputs.
 #[derive(Debug, Clone, Default)]
-pub struct Weights {
+pub struct Weights<N = f32> {
     outputs: usize,
     /// By group of [`TOGETHER`] outputs, tap and output.
-    weights: Vec<f32>,
-    start: Vec<f32>,
+    weights: Vec<N>,
+    start: Vec<N>,
 }
 
 /// Outputs that are computed together.
 const TOGETHER: usize = 4;
 
-impl Weights {
+impl<N: Number> Weights<N> {
     /// `weight` gives the weight of an output and a tap, `start` what the sum of an output begins with.
     pub fn new(
         outputs: usize,
         taps: usize,
-        weight: impl Fn(usize, usize) -> f32,
-        start: impl Fn(usize) -> f32,
+        weight: impl Fn(usize, usize) -> N,
+        start: impl Fn(usize) -> N,
     ) -> Self {
         let mut weights = Vec::with_capacity(outputs * taps);
         for first in (0..outputs).step_by(TOGETHER) {
@@ -61,7 +61,14 @@ impl Weights {
 ///
 /// # Panics
 /// If a row with a tap leaves the input, or an output the result.
-pub fn sum(input: &[f32], weights: &Weights, taps: &[u32], rows: &Rows, apart: usize, into: &mut [f32]) {
+pub fn sum<N: Number>(
+    input: &[N],
+    weights: &Weights<N>,
+    taps: &[u32],
+    rows: &Rows,
+    apart: usize,
+    into: &mut [N],
+) {
     let last = rows.rows.iter().map(|row| row.from as usize).max().zip(taps.iter().max());
     let inside = |(row, tap): (usize, &u32)| row + *tap as usize + rows.width <= input.len();
     assert!(rows.width >= LANES && last.is_none_or(inside), "a tap lies outside the input");
@@ -69,18 +76,18 @@ pub fn sum(input: &[f32], weights: &Weights, taps: &[u32], rows: &Rows, apart: u
     dispatch(Sums { input, weights, taps, rows, apart, into });
 }
 
-struct Sums<'a> {
-    input: &'a [f32],
-    weights: &'a Weights,
+struct Sums<'a, N> {
+    input: &'a [N],
+    weights: &'a Weights<N>,
     taps: &'a [u32],
     rows: &'a Rows,
     apart: usize,
-    into: &'a mut [f32],
+    into: &'a mut [N],
 }
 
-impl Sums<'_> {
+impl<N: Number> Sums<'_, N> {
     #[inline(always)]
-    fn rows<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize) {
+    fn rows<L: Lanes<N>, const OUTPUTS: usize, const VECTORS: usize>(&mut self, first: usize) {
         let width = self.rows.width;
         for row in &self.rows.rows {
             let mut at = 0;
@@ -99,7 +106,7 @@ impl Sums<'_> {
 
     /// `VECTORS` vectors of a row from a place on, for `OUTPUTS` outputs.
     #[inline(always)]
-    fn tile<L: Lanes, const OUTPUTS: usize, const VECTORS: usize>(
+    fn tile<L: Lanes<N>, const OUTPUTS: usize, const VECTORS: usize>(
         &mut self,
         first: usize,
         row: &Row,
@@ -139,9 +146,9 @@ impl Sums<'_> {
     }
 }
 
-impl Work for Sums<'_> {
+impl<N: Number> Work<N> for Sums<'_, N> {
     #[inline(always)]
-    fn with<L: Lanes>(mut self) {
+    fn with<L: Lanes<N>>(mut self) {
         for first in (0..self.weights.outputs).step_by(TOGETHER) {
             match self.weights.outputs - first {
                 1 => self.rows::<L, 1, 4>(first),

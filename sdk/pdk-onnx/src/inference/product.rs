@@ -6,7 +6,7 @@
 
 use std::array;
 
-use super::lanes::{LANES, Lanes, Pair, Work, dispatch_wide, has_wide_lanes};
+use super::lanes::{LANES, Lanes, Number, Pair, Work, dispatch_wide, has_wide_lanes};
 
 /// A place of an input, and where what is computed for it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,23 +19,23 @@ pub struct Place {
 
 /// The weights of all outputs, in the order in which they are used.
 #[derive(Debug, Clone, Default)]
-pub struct Packed {
-    blocks: Vec<Block>,
+pub struct Packed<N = f32> {
+    blocks: Vec<Block<N>>,
     taps: usize,
 }
 
 /// The weights of outputs that are computed together.
 #[derive(Debug, Clone)]
-struct Block {
+struct Block<N> {
     /// The first output.
     first: usize,
     /// The number of outputs, of which the last vector may have fewer than it has lanes.
     count: usize,
     vectors: usize,
     /// By tap, then by output.
-    weights: Vec<f32>,
+    weights: Vec<N>,
     /// What the sums begin with.
-    start: Vec<f32>,
+    start: Vec<N>,
 }
 
 /// How many vectors of outputs are computed together where there is one place: enough sums to keep the processor busy.
@@ -47,15 +47,15 @@ const CHUNK: usize = 4 << 10;
 /// The tiles of a group.
 const TILES: usize = 16;
 
-impl Packed {
+impl<N: Number> Packed<N> {
     /// Packs the weights of `outputs` sums over `taps` products for an input with this many places. `weight` gives the weight of an output
     /// and a tap, `start` what the sum of an output begins with.
     pub fn new(
         outputs: usize,
         taps: usize,
         places: usize,
-        weight: impl Fn(usize, usize) -> f32,
-        start: impl Fn(usize) -> f32,
+        weight: impl Fn(usize, usize) -> N,
+        start: impl Fn(usize) -> N,
     ) -> Self {
         let mut blocks = Vec::new();
         let mut first = 0;
@@ -70,13 +70,13 @@ impl Packed {
                 _ => left.min(2),
             };
             let count = (vectors * LANES).min(outputs - first);
-            let mut weights = vec![0.0; taps * vectors * LANES];
+            let mut weights = vec![N::default(); taps * vectors * LANES];
             for (tap, row) in weights.chunks_exact_mut(vectors * LANES).enumerate() {
                 for (output, into) in row[..count].iter_mut().enumerate() {
                     *into = weight(first + output, tap);
                 }
             }
-            let mut starts = vec![0.0; vectors * LANES];
+            let mut starts = vec![N::default(); vectors * LANES];
             for (output, into) in starts[..count].iter_mut().enumerate() {
                 *into = start(first + output);
             }
@@ -87,7 +87,7 @@ impl Packed {
     }
 
     /// Puts other weights in: those of a matrix whose rows are taps and whose columns are outputs, with how far apart both are.
-    pub fn fill(&mut self, values: &[f32], [row, column]: [usize; 2]) {
+    pub fn fill(&mut self, values: &[N], [row, column]: [usize; 2]) {
         for Block { first, count, vectors, weights, .. } in &mut self.blocks {
             for (tap, into) in weights.chunks_exact_mut(*vectors * LANES).enumerate() {
                 let from = &values[tap * row + *first * column..];
@@ -107,28 +107,35 @@ impl Packed {
 ///
 /// # Panics
 /// If a place with a tap lies outside the input, or an output outside the result.
-pub fn sum(input: &[f32], packed: &Packed, taps: &[u32], places: &[Place], apart: usize, into: &mut [f32]) {
+pub fn sum<N: Number>(
+    input: &[N],
+    packed: &Packed<N>,
+    taps: &[u32],
+    places: &[Place],
+    apart: usize,
+    into: &mut [N],
+) {
     dispatch_wide(Sums::new(input, packed, taps, places, apart, into));
 }
 
 /// What [`sum`] has to do.
-struct Sums<'a> {
-    input: &'a [f32],
-    packed: &'a Packed,
+struct Sums<'a, N> {
+    input: &'a [N],
+    packed: &'a Packed<N>,
     taps: &'a [u32],
     places: &'a [Place],
     apart: usize,
-    into: &'a mut [f32],
+    into: &'a mut [N],
 }
 
-impl<'a> Sums<'a> {
+impl<'a, N: Number> Sums<'a, N> {
     fn new(
-        input: &'a [f32],
-        packed: &'a Packed,
+        input: &'a [N],
+        packed: &'a Packed<N>,
         taps: &'a [u32],
         places: &'a [Place],
         apart: usize,
-        into: &'a mut [f32],
+        into: &'a mut [N],
     ) -> Self {
         let last = places.iter().map(|place| place.from as usize).max().zip(taps.iter().max());
         let inside = |(place, tap): (usize, &u32)| place + (*tap as usize) < input.len();
@@ -138,11 +145,11 @@ impl<'a> Sums<'a> {
     }
 
     #[inline(always)]
-    fn block<L: Lanes, const VECTORS: usize, const PLACES: usize>(&mut self, block: &Block) {
+    fn block<L: Lanes<N>, const VECTORS: usize, const PLACES: usize>(&mut self, block: &Block<N>) {
         let row = VECTORS * LANES;
         assert!(block.weights.len() == self.taps.len() * row && block.start.len() == row);
         // Sums that are not finished wait here; what is written and read again loses nothing.
-        let mut waiting = [[[[0.0; LANES]; VECTORS]; PLACES]; TILES];
+        let mut waiting = [[[[N::default(); LANES]; VECTORS]; PLACES]; TILES];
         let chunk = CHUNK / row;
         for group in self.places.chunks(PLACES * TILES) {
             for first in (0..self.taps.len().max(1)).step_by(chunk) {
@@ -161,9 +168,9 @@ impl<'a> Sums<'a> {
                     unsafe {
                         let flat = sums.as_flattened_mut().as_flattened_mut();
                         match VECTORS {
-                            2 => tile_of_pairs::<L, 1, PLACES>(self.input, from, taps, weights, flat),
-                            4 => tile_of_pairs::<L, 2, PLACES>(self.input, from, taps, weights, flat),
-                            _ => tile::<L, VECTORS, PLACES>(self.input, from, taps, weights, sums),
+                            2 => tile_of_pairs::<N, L, 1, PLACES>(self.input, from, taps, weights, flat),
+                            4 => tile_of_pairs::<N, L, 2, PLACES>(self.input, from, taps, weights, flat),
+                            _ => tile::<N, L, VECTORS, PLACES>(self.input, from, taps, weights, sums),
                         }
                     };
                 }
@@ -178,9 +185,9 @@ impl<'a> Sums<'a> {
     #[inline(always)]
     fn write<const VECTORS: usize, const PLACES: usize>(
         &mut self,
-        block: &Block,
+        block: &Block<N>,
         places: &[Place],
-        sums: &[[[f32; LANES]; VECTORS]; PLACES],
+        sums: &[[[N; LANES]; VECTORS]; PLACES],
     ) {
         let side_by_side = places.len() == PLACES && places.windows(2).all(|two| two[1].to == two[0].to + 1);
         if side_by_side && self.apart != 1 {
@@ -207,9 +214,9 @@ impl<'a> Sums<'a> {
     }
 }
 
-impl Work for Sums<'_> {
+impl<N: Number> Work<N> for Sums<'_, N> {
     #[inline(always)]
-    fn with<L: Lanes>(mut self) {
+    fn with<L: Lanes<N>>(mut self) {
         let packed = self.packed;
         for block in &packed.blocks {
             // As many sums as sixteen registers have room for, beside a row of weights and an element of the input, and as many places
@@ -231,12 +238,12 @@ impl Work for Sums<'_> {
 /// # Safety
 /// Each element of `from` with each tap has to lie inside the input. There are `VECTORS * LANES` weights for each tap.
 #[inline(always)]
-unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
-    input: &[f32],
+unsafe fn tile<N: Number, L: Lanes<N>, const VECTORS: usize, const PLACES: usize>(
+    input: &[N],
     from: [usize; PLACES],
     taps: &[u32],
-    weights: &[f32],
-    waiting: &mut [[[f32; LANES]; VECTORS]; PLACES],
+    weights: &[N],
+    waiting: &mut [[[N; LANES]; VECTORS]; PLACES],
 ) {
     // SAFETY: each is an array of as many numbers as there are lanes.
     let mut sums: [[L; VECTORS]; PLACES] =
@@ -267,12 +274,12 @@ unsafe fn tile<L: Lanes, const VECTORS: usize, const PLACES: usize>(
 /// # Safety
 /// As for [`tile`].
 #[inline(always)]
-unsafe fn tile_of_pairs<L: Lanes, const PAIRS: usize, const PLACES: usize>(
-    input: &[f32],
+unsafe fn tile_of_pairs<N: Number, L: Lanes<N>, const PAIRS: usize, const PLACES: usize>(
+    input: &[N],
     from: [usize; PLACES],
     taps: &[u32],
-    weights: &[f32],
-    waiting: &mut [f32],
+    weights: &[N],
+    waiting: &mut [N],
 ) {
     let (waiting, _) = waiting.as_chunks_mut::<{ 2 * LANES }>();
     let (waiting, _) = waiting.as_chunks_mut::<PAIRS>();

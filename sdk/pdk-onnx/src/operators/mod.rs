@@ -40,7 +40,7 @@ mod one_hot;
 mod operator;
 pub(crate) mod pad;
 mod positions;
-mod quantize;
+pub(crate) mod quantize;
 pub(crate) mod rectifiers;
 mod recurrent;
 mod recurrent_cells;

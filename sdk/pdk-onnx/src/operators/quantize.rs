@@ -16,7 +16,7 @@ pub const OPERATORS: &[Operator] = &[
 ];
 
 /// Which factor belongs to an element.
-enum Factors {
+pub enum Factors {
     /// The same factor for all elements.
     One,
     /// A factor for each place along an axis.
@@ -27,7 +27,7 @@ enum Factors {
 
 impl Factors {
     /// How factors of a shape belong to the elements of an input.
-    fn of(site: &Site<'_>, input: &[usize], factors: &[usize]) -> Result<Self> {
+    pub fn of(site: &Site<'_>, input: &[usize], factors: &[usize]) -> Result<Self> {
         let wrong = |expected: &str| {
             Error::new(format!(
                 "its factors have the shape {}, but its input {} needs {expected}",

@@ -1,0 +1,261 @@
+//! Quantized networks whose convolutions and products of matrices are written in floats: between `DequantizeLinear` and `QuantizeLinear`.
+//!
+//! They are computed in integers, as other runtimes do it: what goes in is what stands before `DequantizeLinear`, and if `QuantizeLinear` is all
+//! that follows, or `Relu` and then that, the sums become integers at once. Real numbers would give the same; in floats, sums are
+//! rounded on the way, so that a result near a tie may be another integer.
+
+use std::collections::HashMap;
+
+use pdk_sdk::error::Result;
+
+use super::buffer::singles;
+use super::quantization::Range;
+use super::quantized::{Finish, Quantized, To, Zero, is_byte};
+use crate::graph::Graph;
+use crate::proto::NodeProto;
+use crate::site::{Site, axis};
+use crate::tensor::{Element, Tensor};
+use crate::values::Source;
+
+/// Nodes that are computed together.
+pub struct Fusion<'a> {
+    /// What they are computed from.
+    pub inputs: Vec<&'a str>,
+    pub operation: Quantized,
+    /// The nodes, of which the last one has the output.
+    pub nodes: Vec<usize>,
+}
+
+/// The nodes of a graph that are computed together, by the place of the last one.
+///
+/// # Errors
+/// If a node contradicts itself.
+pub fn all<'a>(graph: &'a Graph, needed: &[bool]) -> Result<HashMap<usize, Fusion<'a>>> {
+    let nodes = || graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]);
+    let mut fusions = HashMap::new();
+    // Bodies of control flow may use any value, without naming it in the node.
+    if nodes().any(|(_, node)| node.attribute.iter().any(|a| a.g.is_some() || !a.graphs.is_empty())) {
+        return Ok(fusions);
+    }
+    let mut users: HashMap<&str, Vec<Option<usize>>> = HashMap::new();
+    for (place, node) in nodes() {
+        node.input.iter().for_each(|name| users.entry(name).or_default().push(Some(place)));
+    }
+    graph.outputs().iter().for_each(|name| users.entry(name).or_default().push(None));
+    for (place, _) in nodes() {
+        if let Some(fusion) = (Search { graph, users: &users }).fusion(place)? {
+            fusions.insert(fusion.nodes[fusion.nodes.len() - 1], fusion);
+        }
+    }
+    Ok(fusions)
+}
+
+/// The nodes that are still needed to compute the outputs.
+pub fn needed(graph: &Graph, fusions: &HashMap<usize, Fusion<'_>>) -> Vec<bool> {
+    let mut needed = vec![false; graph.nodes().len()];
+    let mut open: Vec<&str> = graph.outputs().iter().map(String::as_str).collect();
+    while let Some(name) = open.pop() {
+        let Some(Source::Node(place)) = graph.source(name) else { continue };
+        if std::mem::replace(&mut needed[place], true) {
+            continue;
+        }
+        match fusions.get(&place) {
+            Some(fusion) => open.extend(&fusion.inputs),
+            None => open.extend(graph.nodes()[place].input.iter().map(String::as_str)),
+        }
+    }
+    needed
+}
+
+/// Integers before `DequantizeLinear`.
+struct Dequantized<'a> {
+    name: &'a str,
+    shape: &'a [usize],
+    scales: Vec<f32>,
+    zeros: Vec<f32>,
+    /// The axis along which the factors lie.
+    axis: usize,
+}
+
+struct Search<'a, 'b> {
+    graph: &'a Graph,
+    /// The nodes that use a value; none for an output of the graph.
+    users: &'b HashMap<&'a str, Vec<Option<usize>>>,
+}
+
+impl<'a> Search<'a, '_> {
+    /// The node at a place with those around it, if it is a sum of products of integers.
+    fn fusion(&self, place: usize) -> Result<Option<Fusion<'a>>> {
+        let node = &self.graph.nodes()[place];
+        let is_convolution = match node.op_type.as_str() {
+            "Conv" => true,
+            "MatMul" | "Gemm" => false,
+            _ => return Ok(None),
+        };
+        let site = Site::new(&self.graph.values, node);
+        let is_plain = node.op_type != "Gemm"
+            || site.int("transA", 0) == 0
+                && [site.float("alpha", 1.0), site.float("beta", 1.0)].iter().all(|factor| *factor == 1.0);
+        let (Some(left), Some(right)) = (self.dequantized(&site, 0)?, self.dequantized(&site, 1)?) else {
+            return Ok(None);
+        };
+        let ([left_scale], [left_zero], true) =
+            (left.scales.as_slice(), left.zeros.as_slice(), is_plain && !left.shape.is_empty())
+        else {
+            return Ok(None);
+        };
+        let is_turned = node.op_type == "Gemm" && site.int("transB", 0) != 0;
+        let rank = right.shape.len();
+        // The axis of the filters, or of the columns.
+        let outputs = if is_convolution || is_turned { 0 } else { rank.saturating_sub(1) };
+        if right.scales.len() > 1 && (right.axis != outputs || rank < 2) {
+            return Ok(None);
+        }
+        let factors: Vec<f32> = right.scales.iter().map(|scale| left_scale * scale).collect();
+        let count = right.shape.get(outputs).copied().unwrap_or(1);
+        let Some(bias) = self.bias(&site, &factors, count)? else { return Ok(None) };
+
+        let (nodes, to) = self.end(place, &site)?;
+        let plane = site.output_shape()?.get(2..).unwrap_or_default().iter().product();
+        let factors = match to {
+            To::Range(_) => {
+                let scale = self.number(&self.graph.nodes()[nodes[nodes.len() - 1]], 1)?.unwrap_or(f32::NAN);
+                factors.iter().map(|factor| factor / scale).collect()
+            }
+            _ => factors,
+        };
+        let finish = Finish { to, factors, length: if is_convolution { plane } else { 1 } };
+        if !finish.is_finite() {
+            return Ok(None);
+        }
+        let zero = Zero::Known(*left_zero);
+        let constant = self.graph.constant(right.name)?;
+        let mut inputs = vec![left.name];
+        let operation = match (is_convolution, constant) {
+            (true, Some(kernel)) => {
+                Quantized::convolution(&site, left.shape, &kernel, &right.zeros, &bias, zero, finish)?
+            }
+            (true, None) => return Ok(None),
+            (false, Some(matrix)) => {
+                let matrix = if is_turned { turned(&matrix) } else { Tensor::clone(&matrix) };
+                let shapes = [left.shape, matrix.shape.as_slice()];
+                Quantized::matrices(shapes, Some((&matrix, &right.zeros)), (1, 0.0), &bias, zero, finish)?
+            }
+            (false, None) if is_turned || right.zeros.len() > 1 => return Ok(None),
+            (false, None) => {
+                inputs.push(right.name);
+                let shapes = [left.shape, right.shape];
+                Quantized::matrices(shapes, None, (1, right.zeros[0]), &bias, zero, finish)?
+            }
+        };
+        Ok(operation.map(|operation| Fusion { inputs, operation, nodes }))
+    }
+
+    /// What an input was before `DequantizeLinear`, if it was integers of 8 bits.
+    fn dequantized(&self, site: &Site<'_>, place: usize) -> Result<Option<Dequantized<'a>>> {
+        let Some(Source::Node(at)) = site.optional(place).and_then(|name| self.graph.source(name)) else {
+            return Ok(None);
+        };
+        let node = &self.graph.nodes()[at];
+        let site = Site::new(&self.graph.values, node);
+        if node.op_type != "DequantizeLinear" || site.int("block_size", 0) != 0 {
+            return Ok(None);
+        }
+        let (integers, result) = (site.fact(0)?, site.fact_of_output()?);
+        let (Some(scales), zeros) = (self.known(node, 1)?, self.known(node, 2)?) else { return Ok(None) };
+        let is_known = zeros.is_some() || site.optional(2).is_none();
+        let are_floats = result.element == Element::FLOAT && scales.element == Element::FLOAT;
+        if !is_byte(integers.element) || !are_floats || !is_known || scales.shape.len() > 1 {
+            return Ok(None);
+        }
+        let zeros = zeros.map_or_else(|| vec![0.0; scales.values.len()], |zeros| singles(&zeros));
+        // One number needs no axis, whatever the attribute says.
+        let axis = match scales.values.len() {
+            1 => 0,
+            _ => axis(site.int("axis", 1), integers.shape.len())?,
+        };
+        Ok((zeros.len() == scales.values.len()).then(|| Dequantized {
+            name: node.input[0].as_str(),
+            shape: &integers.shape,
+            scales: singles(&scales),
+            zeros,
+            axis,
+        }))
+    }
+
+    /// What is added to the sums, as integers. Nothing if it is not constant, not one number for each output, or too large.
+    fn bias(&self, site: &Site<'_>, factors: &[f32], count: usize) -> Result<Option<Vec<i32>>> {
+        if site.optional(2).is_none() {
+            return Ok(Some(Vec::new()));
+        }
+        let bias = match self.known(site.node, 2)? {
+            Some(bias) if bias.values.len() == count && bias.shape.last() == Some(&count) => bias,
+            _ => return Ok(None),
+        };
+        let mut integers = Vec::new();
+        for (value, factor) in bias.values.iter().zip(factors.iter().cycle()) {
+            let steps = (value / f64::from(*factor)).round_ties_even();
+            // So that no sum with it wraps.
+            if steps.is_nan() || steps.abs() > f64::from(1 << 30) {
+                return Ok(None);
+            }
+            integers.push(steps as i32);
+        }
+        Ok(Some(integers))
+    }
+
+    /// The nodes from a sum to what its results become.
+    fn end(&self, place: usize, site: &Site<'_>) -> Result<(Vec<usize>, To)> {
+        let floats = (vec![place], To::Floats);
+        let (mut nodes, mut name, mut is_cut) = (vec![place], site.output(0)?, false);
+        loop {
+            let Some(&[Some(next)]) = self.users.get(name).map(Vec::as_slice) else { return Ok(floats) };
+            let node = &self.graph.nodes()[next];
+            let site = Site::new(&self.graph.values, node);
+            nodes.push(next);
+            match node.op_type.as_str() {
+                "Relu" if !is_cut => (name, is_cut) = (site.output(0)?, true),
+                "QuantizeLinear" if site.int("block_size", 0) == 0 => {
+                    let element = site.fact_of_output()?.element;
+                    let zero = match site.optional(2) {
+                        Some(_) => self.number(node, 2)?,
+                        None => Some(0.0),
+                    };
+                    let range = zero.and_then(|zero| Range::of(element, zero));
+                    let (Some(mut range), Some(_), true) = (range, self.number(node, 1)?, is_byte(element))
+                    else {
+                        return Ok(floats);
+                    };
+                    if is_cut {
+                        range.bounds[0] = range.bounds[0].max(range.zero);
+                    }
+                    return Ok((nodes, To::Range(range)));
+                }
+                _ => return Ok(floats),
+            }
+        }
+    }
+
+    /// A constant input of a node.
+    fn known(&self, node: &NodeProto, place: usize) -> Result<Option<std::sync::Arc<Tensor>>> {
+        match node.input.get(place).filter(|name| !name.is_empty()) {
+            Some(name) => self.graph.constant(name),
+            None => Ok(None),
+        }
+    }
+
+    /// The one number of a constant input.
+    fn number(&self, node: &NodeProto, place: usize) -> Result<Option<f32>> {
+        let one = |tensor: &Tensor| (tensor.values.len() == 1).then(|| tensor.values[0] as f32);
+        Ok(self.known(node, place)?.and_then(|tensor| one(&tensor)))
+    }
+}
+
+/// A matrix whose rows are the columns of another.
+fn turned(matrix: &Tensor) -> Tensor {
+    let (rows, columns) = (matrix.shape[0], matrix.shape[1]);
+    let values = (0..columns).flat_map(|column| {
+        matrix.values.iter().skip(column).step_by(columns.max(1)).take(rows).copied().collect::<Vec<_>>()
+    });
+    Tensor { element: matrix.element, shape: vec![columns, rows], values: values.collect() }
+}
