@@ -13,6 +13,7 @@ import pathlib
 import tempfile
 
 import numpy as np
+import onnx
 import onnxruntime
 from onnxruntime import quantization
 
@@ -56,7 +57,8 @@ def main():
         prepared = pathlib.Path(folder) / "prepared.onnx"
         quantization.quant_pre_process(arguments.network, prepared, skip_symbolic_shape=True)
         quantization.quantize_static(
-            prepared, arguments.out, Images(images, speeds), op_types_to_quantize=["Conv"], per_channel=True,
+            prepared, arguments.out, Images(images, speeds), op_types_to_quantize=["Conv", "Relu"], per_channel=True,
+            nodes_to_exclude=[node.name for node in onnx.load(prepared).graph.node if "connected" in node.name],
             activation_type=quantization.QuantType.QUInt8, weight_type=quantization.QuantType.QInt8,
         )
 

@@ -62,8 +62,12 @@ impl Buffer {
             return;
         }
         match self {
-            // What comparisons compute, mostly.
-            Self::Single(values) if element == Element::BOOL && are_truths(values) => {}
+            // What comparisons compute, and what quantizes, mostly.
+            Self::Single(values) if element == Element::BOOL && are_whole(values, [0.0, 1.0]) => {}
+            Self::Single(values)
+                if element
+                    .range()
+                    .is_some_and(|(low, high)| are_whole(values, [low as f32, high as f32])) => {}
             Self::Single(values) => {
                 values.iter_mut().for_each(|value| *value = element.rounded(f64::from(*value)) as f32);
             }
@@ -94,11 +98,16 @@ impl Buffer {
     }
 }
 
-/// Whether all elements are 0 or 1.
-fn are_truths(values: &[f32]) -> bool {
-    let is_truth = |value: &f32| (value.to_bits() == 0) | (*value == 1.0);
+/// Whether all elements are whole numbers between two of at most 16 bits, both included.
+fn are_whole(values: &[f32], [low, high]: [f32; 2]) -> bool {
+    /// The floats around it are whole, so that a sum with it is rounded.
+    const WHOLE: f32 = 12_582_912.0;
+    let is_whole = |&value: &f32| {
+        let rounded = (value + WHOLE) - WHOLE;
+        (rounded.to_bits() == value.to_bits()) & (value >= low) & (value <= high)
+    };
     // Without an end at the first that is not, so that compilers use vectors.
-    values.chunks(256).all(|some| some.iter().fold(true, |all, value| all & is_truth(value)))
+    values.chunks(256).all(|some| some.iter().fold(true, |all, value| all & is_whole(value)))
 }
 
 /// The elements of a constant, for what is computed in 32 bits.
@@ -121,6 +130,11 @@ pub trait Operation: Send {
     /// # Errors
     /// If it cannot.
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()>;
+
+    /// Whether what it computes are elements of their type already.
+    fn is_rounded(&self) -> bool {
+        false
+    }
 }
 
 /// The input at a place, in 32 bits.

@@ -21,135 +21,82 @@ mod avx {
 
     use super::super::lanes::{LANES, Lanes, Pair};
 
-    /// A register of AVX. Only code for processors with AVX2 makes one.
-    #[derive(Clone, Copy)]
-    pub struct Avx(__m256i);
-
-    impl Lanes<i32> for Avx {
-        type Pair = [Self; 2];
-
-        #[inline(always)]
-        fn splat(value: i32) -> Self {
-            // SAFETY: only code for processors with AVX2 gets here, see the type.
-            Self(unsafe { _mm256_set1_epi32(value) })
-        }
-
-        #[inline(always)]
-        unsafe fn load(place: *const i32) -> Self {
-            // SAFETY: as above, and the caller says that eight numbers are there.
-            Self(unsafe { _mm256_loadu_si256(place.cast()) })
-        }
-
-        #[inline(always)]
-        fn multiply_add(self, factor: Self, sum: Self) -> Self {
-            // SAFETY: as above.
-            Self(unsafe { _mm256_add_epi32(_mm256_madd_epi16(self.0, factor.0), sum.0) })
-        }
-
-        #[inline(always)]
-        fn to_array(self) -> [i32; LANES] {
-            let mut array = [0; LANES];
-            // SAFETY: as above, and the array has room for eight numbers.
-            unsafe { _mm256_storeu_si256(array.as_mut_ptr().cast(), self.0) };
-            array
-        }
-    }
-
-    /// A register of AVX-512. Only code for processors with AVX-512F and AVX-512BW makes one.
-    #[derive(Clone, Copy)]
-    pub struct Wide(__m512i);
-
-    /// The same; a multiply-add is one instruction of AVX-512 VNNI, which such a processor has too.
-    #[derive(Clone, Copy)]
-    pub struct Dot(__m512i);
-
-    /// The multiply-add of a register.
-    ///
-    /// # Safety
-    /// The processor has to have the extensions that the type of the register names.
-    trait MultiplyAdd {
-        unsafe fn compute(a: __m512i, b: __m512i, sum: __m512i) -> __m512i;
-    }
-
-    impl MultiplyAdd for Wide {
-        #[inline(always)]
-        unsafe fn compute(a: __m512i, b: __m512i, sum: __m512i) -> __m512i {
-            // SAFETY: the caller says that the processor has AVX-512F and AVX-512BW.
-            unsafe { _mm512_add_epi32(_mm512_madd_epi16(a, b), sum) }
-        }
-    }
-
-    impl MultiplyAdd for Dot {
-        #[inline(always)]
-        unsafe fn compute(a: __m512i, b: __m512i, sum: __m512i) -> __m512i {
-            // SAFETY: the caller says that the processor has AVX-512 VNNI.
-            unsafe { _mm512_dpwssd_epi32(sum, a, b) }
-        }
-    }
-
-    /// Registers of AVX-512 as pairs, and of AVX as what they are pairs of.
-    macro_rules! wide {
-        ($lanes:ident, $register:ident, $note:literal) => {
-            #[doc = $note]
+    /// A register of AVX, or of AVX-512, with its multiply-add.
+    macro_rules! register {
+        (
+            $(#[$note:meta])* $name:ident: $of:ident $pairs:tt, $register:ident, $count:expr, $splat:ident, $load:ident, $store:ident,
+            |$a:ident, $b:ident, $sum:ident| $multiply_add:expr
+        ) => {
+            $(#[$note])*
             #[derive(Clone, Copy)]
-            pub struct $lanes(Avx);
+            pub struct $name($register);
 
-            impl Lanes<i32> for $lanes {
-                type Pair = $register;
+            impl $of<i32> for $name {
+                register!(pairs $pairs);
 
                 #[inline(always)]
                 fn splat(value: i32) -> Self {
-                    Self(Avx::splat(value))
+                    // SAFETY: only code for processors that have the extensions gets here, see the type.
+                    Self(unsafe { $splat(value) })
                 }
 
                 #[inline(always)]
                 unsafe fn load(place: *const i32) -> Self {
-                    // SAFETY: the caller says that eight numbers are there.
-                    Self(unsafe { Avx::load(place) })
+                    // SAFETY: as above, and the caller says that as many numbers are there.
+                    Self(unsafe { $load(place.cast()) })
                 }
 
                 #[inline(always)]
                 fn multiply_add(self, factor: Self, sum: Self) -> Self {
-                    Self(self.0.multiply_add(factor.0, sum.0))
-                }
-
-                #[inline(always)]
-                fn to_array(self) -> [i32; LANES] {
-                    self.0.to_array()
-                }
-            }
-
-            impl Pair<i32> for $register {
-                #[inline(always)]
-                fn splat(value: i32) -> Self {
-                    // SAFETY: only code for processors with AVX-512 gets here, see the type.
-                    Self(unsafe { _mm512_set1_epi32(value) })
-                }
-
-                #[inline(always)]
-                unsafe fn load(place: *const i32) -> Self {
-                    // SAFETY: as above, and the caller says that sixteen numbers are there.
-                    Self(unsafe { _mm512_loadu_si512(place.cast()) })
-                }
-
-                #[inline(always)]
-                fn multiply_add(self, factor: Self, sum: Self) -> Self {
+                    let ($a, $b, $sum) = (self.0, factor.0, sum.0);
                     // SAFETY: as above.
-                    Self(unsafe { <$register as MultiplyAdd>::compute(self.0, factor.0, sum.0) })
+                    Self(unsafe { $multiply_add })
                 }
 
                 #[inline(always)]
-                fn to_array(self) -> [i32; 2 * LANES] {
-                    let mut array = [0; 2 * LANES];
-                    // SAFETY: as above, and the array has room for sixteen numbers.
-                    unsafe { _mm512_storeu_si512(array.as_mut_ptr().cast(), self.0) };
+                fn to_array(self) -> [i32; $count] {
+                    let mut array = [0; $count];
+                    // SAFETY: as above, and the array has room for as many numbers.
+                    unsafe { $store(array.as_mut_ptr().cast(), self.0) };
                     array
                 }
             }
         };
+        (pairs ()) => {};
+        (pairs ($pair:ty)) => {
+            type Pair = $pair;
+        };
     }
-    wide!(Avx512, Wide, "Lanes whose pairs are registers of AVX-512.");
-    wide!(Vnni, Dot, "Lanes whose pairs are registers of AVX-512 VNNI.");
+
+    register! {
+        /// Only code for processors with AVX2 makes one.
+        Avx: Lanes ([Self; 2]), __m256i, LANES, _mm256_set1_epi32, _mm256_loadu_si256, _mm256_storeu_si256,
+        |a, b, sum| _mm256_add_epi32(_mm256_madd_epi16(a, b), sum)
+    }
+
+    register! {
+        /// Its pair is a register of AVX-512. Only code for processors with AVX2 and AVX-512BW makes one.
+        Avx512: Lanes (Wide), __m256i, LANES, _mm256_set1_epi32, _mm256_loadu_si256, _mm256_storeu_si256,
+        |a, b, sum| _mm256_add_epi32(_mm256_madd_epi16(a, b), sum)
+    }
+
+    register! {
+        /// A pair of [`Avx512`].
+        Wide: Pair (), __m512i, 2 * LANES, _mm512_set1_epi32, _mm512_loadu_si512, _mm512_storeu_si512,
+        |a, b, sum| _mm512_add_epi32(_mm512_madd_epi16(a, b), sum)
+    }
+
+    register! {
+        /// Products and their sum are one instruction. Only code for processors with AVX-512VL and AVX-512 VNNI makes one.
+        Vnni: Lanes (WideVnni), __m256i, LANES, _mm256_set1_epi32, _mm256_loadu_si256, _mm256_storeu_si256,
+        |a, b, sum| _mm256_dpwssd_epi32(sum, a, b)
+    }
+
+    register! {
+        /// A pair of [`Vnni`].
+        WideVnni: Pair (), __m512i, 2 * LANES, _mm512_set1_epi32, _mm512_loadu_si512, _mm512_storeu_si512,
+        |a, b, sum| _mm512_dpwssd_epi32(sum, a, b)
+    }
 }
 #[cfg(target_arch = "x86_64")]
 pub use avx::{Avx, Avx512, Vnni};

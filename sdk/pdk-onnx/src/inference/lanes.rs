@@ -395,8 +395,12 @@ pub fn dispatch_wide<N: Number>(work: impl Work<N>) {
         _ => {}
     }
     #[cfg(target_arch = "x86_64")]
-    if N::HAS_VNNI && has_wide_lanes() && is_x86_feature_detected!("avx512vnni") {
-        // SAFETY: the processor has the five extensions.
+    if N::HAS_VNNI
+        && has_wide_lanes()
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512vnni")
+    {
+        // SAFETY: the processor has the six extensions.
         unsafe { with_vnni(work) };
         return;
     }
@@ -410,7 +414,7 @@ pub fn dispatch_wide<N: Number>(work: impl Work<N>) {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512bw,avx512vnni,avx2,fma")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vnni,avx2,fma")]
 fn with_vnni<N: Number>(work: impl Work<N>) {
     work.with::<N::Vnni>();
 }

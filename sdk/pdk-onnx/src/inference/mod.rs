@@ -169,8 +169,11 @@ impl Step {
                 }
             }
         };
+        let is_rounded = self.operation.is_rounded();
         for (result, &(place, element, _)) in self.results.iter_mut().zip(&self.outputs) {
-            result.round(element);
+            if !is_rounded {
+                result.round(element);
+            }
             std::mem::swap(result, &mut buffers[place]);
         }
         done

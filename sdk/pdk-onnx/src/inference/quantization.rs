@@ -82,6 +82,10 @@ impl Quantization {
 }
 
 impl Operation for Quantization {
+    fn is_rounded(&self) -> bool {
+        true
+    }
+
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         dispatch_wide(Elements { of: self, input: single(inputs, 0)?, into: outputs[0].single_mut()? });
         Ok(())

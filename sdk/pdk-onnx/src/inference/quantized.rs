@@ -356,6 +356,10 @@ impl Work for Results<'_> {
 }
 
 impl Operation for Quantized {
+    fn is_rounded(&self) -> bool {
+        true
+    }
+
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let Left { depth, plane, zero, .. } = self.left;
         let zero = match zero {
