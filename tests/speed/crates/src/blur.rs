@@ -9,12 +9,9 @@ use libblur::{
 use crate::task::{Edge, Gaussian, Work};
 use crate::{Failed, Frame, Step, unknown};
 
-pub fn step(work: Work, size: ImageSize) -> Result<Step, Failed> {
-    Ok(match work {
-        Work::Gaussian { kernel, edge } => {
-            let mut blur = gaussian(kernel, edge)?;
-            Box::new(move |from, to| blur(from, to))
-        }
+pub fn step(work: &Work, size: ImageSize) -> Result<Step, Failed> {
+    Ok(match *work {
+        Work::Gaussian { kernel, edge } => gaussian(kernel, edge)?,
         Work::HighPass(kernel) => {
             let mut blur = gaussian(kernel, Edge::Mirrored)?;
             let mut blurred = Frame::from_size_val(size, 0)?;
@@ -24,8 +21,8 @@ pub fn step(work: Work, size: ImageSize) -> Result<Step, Failed> {
                 Ok(())
             })
         }
-        Work::Filter { side, weights, edge } => {
-            let (shape, edge) = (KernelShape::new(side, side), mode(edge));
+        Work::Filter { side, ref weights, edge } => {
+            let (weights, shape, edge) = (weights.clone(), KernelShape::new(side, side), mode(edge));
             Box::new(move |from, to| {
                 let (from, mut to) = (source(from)?, target(to)?);
                 filter_2d(&from, &mut to, &weights, shape, edge, Scalar::default(), ThreadingPolicy::Single)?;

@@ -18,9 +18,9 @@ use crate::{Failed, Frame, Step, unknown};
 /// A channel in bytes.
 type Plane = Image<u8, 1>;
 
-pub fn step(work: Work, size: ImageSize) -> Result<Step, Failed> {
+pub fn step(work: &Work, size: ImageSize) -> Result<Step, Failed> {
     let frame = |[width, height]: [usize; 2]| Frame::from_size_val(ImageSize { width, height }, 0);
-    Ok(match work {
+    Ok(match *work {
         // It repeats the last pixel, whatever the edge is.
         Work::Gaussian { kernel, .. } => Box::new(move |from, to| blur(from, to, kernel)),
         Work::HighPass(kernel) => {

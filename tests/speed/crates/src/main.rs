@@ -48,9 +48,9 @@ fn measured(line: &str) -> Result<f64, Failed> {
     let source = Frame::new(ImageSize { width, height }, fs::read(frame)?)?;
     let mut target = Frame::from_size_val(source.size(), 0)?;
     let mut step = match library {
-        Library::Kornia => kornia::step(work, source.size())?,
+        Library::Kornia => kornia::step(&work, source.size())?,
         Library::FastImageResize => resize::step(&work, source.size())?,
-        Library::Libblur => blur::step(work, source.size())?,
+        Library::Libblur => blur::step(&work, source.size())?,
     };
     let ms = median(&mut || step(&source, &mut target))?;
     fs::write(picture, target.as_slice())?;

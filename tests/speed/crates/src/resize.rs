@@ -8,14 +8,14 @@ use crate::task::Work;
 use crate::{Failed, Frame, Step, unknown};
 
 pub fn step(work: &Work, size: ImageSize) -> Result<Step, Failed> {
-    let with = |algorithm| ResizeOptions::new().resize_alg(algorithm);
+    let options = |algorithm| ResizeOptions::new().resize_alg(algorithm);
     // As OpenCV interpolates: without averaging.
-    let linear = with(ResizeAlg::Interpolation(FilterType::Bilinear));
+    let linear = options(ResizeAlg::Interpolation(FilterType::Bilinear));
     let mut resizer = Resizer::new();
     Ok(match *work {
         Work::Pixelate(small) => by_way_of(small, linear, linear)?,
         Work::Blocks(small) => {
-            by_way_of(small, with(ResizeAlg::Convolution(FilterType::Box)), with(ResizeAlg::Nearest))?
+            by_way_of(small, options(ResizeAlg::Convolution(FilterType::Box)), options(ResizeAlg::Nearest))?
         }
         Work::Centre(inner) => {
             let [left, top] = [(size.width - inner[0]) / 2, (size.height - inner[1]) / 2].map(u32::try_from);
