@@ -83,7 +83,8 @@ class Crates:
 they have them (kornia-rs has hue, saturation and value for floats only) and with memory that is kept from frame to frame. On x86-64 much of
 kornia-rs has no vector instructions yet, and what libblur has for AVX-512 needs a nightly compiler. Each of their pictures is compared with
 pdk's: they differ by {differences[len(differences) // 2]:.1f} grey levels in the middle, and by {differences[-1]:.1f} at most. With a kernel of 3 pixels kornia-rs weighs 1, 2, 1, which
-is not quite a Gaussian of that size. Beside `imagenet_c_...` they compute with bytes, where pdk computes with floats as imagecorruptions does."""
+is not quite a Gaussian of that size. In `imagenet_c_gaussian_blur`
+and `imagenet_c_defocus_blur` they compute with bytes, and pdk with floats, as imagecorruptions does."""
 
 
 class Work:
