@@ -7,9 +7,10 @@
 
 pdk is measured by its benchmark (tests/benches/speed.rs) and, where its wheel is installed, called from Python; the others here:
 plain OpenCV as one would write the perturbation with it, albumentations where it has the same effect, imagecorruptions beside pdk's
-suite of the same corruptions. All get the same frames of the embedded simulator, with parameters as near to pdk's as they allow;
-all times are medians of the thread's processor time, and a single time for what takes long. What a library does not have stays
-empty. The published tool is on no package index: --published names a checkout of its repository.
+suite of the same corruptions, and the Rust crates of rust_crates.py, which Cargo builds (minutes, the first time). All get the same
+frames of the embedded simulator, with parameters as near to pdk's as they allow; all times are medians of the thread's processor time,
+and a single time for what takes long. What a library does not have stays empty. The published tool is on no package index: --published
+names a checkout of its repository.
 """
 
 import argparse
@@ -34,6 +35,8 @@ os.environ["NO_ALBUMENTATIONS_UPDATE"] = "1"
 
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
+
+import rust_crates  # noqa: E402
 
 cv2.setNumThreads(1)
 
@@ -394,6 +397,9 @@ def measure(options):
         figures = json.loads(Path(f"{folder}/pdk.json").read_text())
         frames = {size: cv2.imread(f"{folder}/{size}.png")[..., ::-1].copy() for size in options.sizes}
     libraries = {"OpenCV": opencv, "albumentations": albumentations, "imagecorruptions": imagecorruptions}
+    crates = rust_crates.built(ROOT, frames)
+    if crates:
+        libraries |= {library: functools.partial(crates.work, library) for library in rust_crates.LIBRARIES}
     if options.published:
         libraries["published tool"], figures["note"] = published(options.published)
     failed, python = {}, from_python()
@@ -408,7 +414,9 @@ def measure(options):
         for library, make in libraries.items():
             try:
                 work = make(name, level, known[name][level])
-                if work is not None:
+                if isinstance(work, rust_crates.Work):
+                    cell["others"][library] = work.median_ms(size)
+                elif work is not None:
                     cell["others"][library] = median_ms(work, frames[size])
             except NotImplementedError:
                 continue
@@ -419,6 +427,7 @@ def measure(options):
     for (library, name), error in failed.items():
         print(f"{library} could not do {name}: {error}", file=sys.stderr)
     figures["libraries"] = list(libraries)
+    figures["crates"] = crates.note() if crates else rust_crates.NOT_MEASURED
     figures["failed"] = [f"{library}, {name}" for library, name in failed]
     return figures
 
@@ -433,6 +442,11 @@ WAYS = {
     "drawn_anew_ms": "the same, everything drawn anew for every frame",
     "python_ms": "a call from Python, everything drawn anew",
 }
+
+
+def ways(library):
+    """What of pdk's times a library is compared with. Crates are called from Rust, and draw nothing."""
+    return {"ms": WAYS["ms"]} if library in rust_crates.LIBRARIES else WAYS
 
 
 def ours(cell, way):
@@ -460,7 +474,7 @@ def summary(figures):
         "| --- |" + " ---: |" * (len(sizes) + 2),
     ]
     for library in figures["libraries"]:
-        for way, told in WAYS.items():
+        for way, told in ways(library).items():
             found = list(pairs(figures, library, way))
             if found:
                 means = [f"{faster(list(pairs(figures, library, way, size))):.1f}" for size in sizes]
@@ -494,7 +508,7 @@ def losses(figures):
     found = []
     for cell in figures["cells"]:
         for library, theirs in cell["others"].items():
-            times = max(ours(cell, way) or 0 for way in ("ms", "python_ms")) / theirs
+            times = max(ours(cell, way) or 0 for way in ("ms", "python_ms") if way in ways(library)) / theirs
             if times > 1:
                 found.append((times, cell, library, theirs))
     if not found:
@@ -502,7 +516,7 @@ def losses(figures):
     found.sort(key=lambda loss: -loss[0])
     lines = ["| perturbation | size | level | than | its ms | pdk ms | from Python | times slower, at worst |", "|---|---|---:|---|---:|---:|---:|---:|"]
     for times, cell, library, theirs in found:
-        call = f"{cell['python_ms']:.3f}" if "python_ms" in cell else ""
+        call = f"{cell['python_ms']:.3f}" if "python_ms" in cell and "python_ms" in ways(library) else ""
         lines.append(
             f"| {cell['perturbation']} | {cell['size']} | {cell['level']} | {library} | {theirs:.3f} | {cell['ms']:.3f} | {call} | {times:.2f} |"
         )
@@ -544,6 +558,7 @@ def page(figures, loop):
             versions += f", {package} {importlib.metadata.version(package)}"
         except importlib.metadata.PackageNotFoundError:
             pass
+    versions += f", {rust_crates.versions()}"
     note = figures.get("note", "The published tool, which is on no package index, was not measured.")
     failed = f" Not measured, because it failed: {'; '.join(figures['failed'])}." if figures["failed"] else ""
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
@@ -555,7 +570,8 @@ copy of the frame in the same run: of a perturbation in the tables by size the m
 Some perturbations draw the places of things once per sequence and keep them, while other libraries draw for every frame; "drawn anew" means
 `draws=per_frame`. The other libraries do the nearest thing to pdk's perturbation that they have, with parameters as near as they allow: some do less
 work, some more. Perturbations that change hue, saturation and value are compared with albumentations' `HueSaturationValue`, and grey with the
-saturation of its `ColorJitter`, which also blends with grey. imagecorruptions is compared with pdk's suite of the same corruptions, `imagenet_c_...`. {note}
+saturation of its `ColorJitter`, which also blends with grey. imagecorruptions is compared with pdk's suite of the same corruptions, `imagenet_c_...`.
+{figures["crates"]} {note}
 
 ## The closed loop
 
