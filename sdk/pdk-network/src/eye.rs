@@ -179,10 +179,21 @@ impl Eye {
 
     /// The bytes of a frame in the network's colours.
     fn convert(&self, fitted: Frame<'_>, bytes: &mut Vec<u8>) {
-        bytes.clear();
         let channels = self.image.channels;
-        for pixel in fitted.rows().flat_map(|row| row.chunks_exact(3)) {
-            bytes.extend_from_slice(&self.color.pixel([pixel[0], pixel[1], pixel[2]])[..channels]);
+        bytes.resize(self.image.width * self.image.height * channels, 0);
+        let pixels = fitted.rows().flat_map(|row| row.as_chunks::<3>().0);
+        match bytes.as_chunks_mut::<3>() {
+            (into, []) if channels == 3 && self.color == Color::Rgb => {
+                into.iter_mut().zip(pixels).for_each(|(into, pixel)| *into = *pixel);
+            }
+            (into, []) if channels == 3 => {
+                into.iter_mut().zip(pixels).for_each(|(into, pixel)| *into = self.color.pixel(*pixel));
+            }
+            _ => {
+                for (into, pixel) in bytes.chunks_exact_mut(channels).zip(pixels) {
+                    into.copy_from_slice(&self.color.pixel(*pixel)[..channels]);
+                }
+            }
         }
     }
 
@@ -199,25 +210,50 @@ impl Eye {
 
     /// Writes all places; `at` has the bytes of the frame of an age.
     fn write<'a>(&self, at: impl Fn(usize) -> Option<&'a Vec<u8>>, values: &mut [f32]) {
-        let (strides, channels) = (self.strides(), self.image.channels);
         for (place, slot) in self.slots.iter().enumerate() {
-            let (newer, older) = match *slot {
-                Slot::Frame(age) => (at(age), None),
-                Slot::Difference(newer, older) => (at(newer), Some(at(older))),
-            };
+            match *slot {
+                Slot::Frame(age) => self.write_place(place, at(age), values, |_, number| number),
+                Slot::Difference(newer, older) => {
+                    self.write_place(place, at(newer), values, |_, number| number);
+                    self.write_place(place, at(older), values, |newer, number| newer - number);
+                }
+            }
+        }
+    }
+
+    /// Writes a place of the stack: what becomes of the values there and the numbers of a frame, which are 0 if there is none.
+    fn write_place(
+        &self,
+        place: usize,
+        bytes: Option<&Vec<u8>>,
+        values: &mut [f32],
+        becomes: impl Fn(f32, f32) -> f32,
+    ) {
+        let strides = self.strides();
+        let (width, channels) = (self.image.width, self.image.channels);
+        for channel in 0..channels {
+            let table = self.numbers.table(channel);
             for y in 0..self.image.height {
-                for x in 0..self.image.width {
-                    let pixel = (y * self.image.width + x) * channels;
-                    let into = strides.place(place, y, x);
-                    for channel in 0..channels {
-                        let number = |bytes: Option<&Vec<u8>>| {
-                            bytes.map_or(0.0, |bytes| self.numbers.number(channel, bytes[pixel + channel]))
-                        };
-                        values[into + channel * strides.deep] = match older {
-                            None => number(newer),
-                            Some(older) => number(newer) - number(older),
-                        };
+                let into = &mut values[strides.place(place, y, 0) + channel * strides.deep..];
+                let into = &mut into[..(width - 1) * strides.across + 1];
+                let row = bytes.map(|bytes| &bytes[y * width * channels..][..width * channels]);
+                match (row, row.map(<[u8]>::as_chunks::<3>)) {
+                    // What nearly all networks have, without steps that are not known before.
+                    (_, Some((pixels, []))) if channels == 3 && strides.across == 1 => {
+                        for (into, pixel) in into.iter_mut().zip(pixels) {
+                            *into = becomes(*into, table[usize::from(pixel[channel])]);
+                        }
                     }
+                    (Some(row), _) => {
+                        let bytes = row.iter().skip(channel).step_by(channels);
+                        for (into, byte) in into.iter_mut().step_by(strides.across.max(1)).zip(bytes) {
+                            *into = becomes(*into, table[usize::from(*byte)]);
+                        }
+                    }
+                    (None, _) => into
+                        .iter_mut()
+                        .step_by(strides.across.max(1))
+                        .for_each(|into| *into = becomes(*into, 0.0)),
                 }
             }
         }

@@ -77,6 +77,11 @@ impl Numbers {
         Self { tables: (0..channels).map(table).collect() }
     }
 
+    /// The numbers of all bytes of a channel.
+    pub fn table(&self, channel: usize) -> &[f32; 256] {
+        &self.tables[channel]
+    }
+
     /// The number of a byte of a channel.
     #[inline]
     pub fn number(&self, channel: usize, byte: u8) -> f32 {
