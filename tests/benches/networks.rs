@@ -32,7 +32,7 @@ fn main() {
     let models = pdk_tests::repository().join("scripts/models");
     let files = match named.is_empty() {
         false => named,
-        true => ["dave2", "dave2_quantized", "dave2_temporal", "transformer"]
+        true => ["dave2", "dave2_quantised", "dave2_temporal", "transformer"]
             .map(|name| models.join(name).with_extension("onnx").display().to_string())
             .to_vec(),
     };

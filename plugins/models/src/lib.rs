@@ -48,7 +48,7 @@ mod driver {
     pub mod dave2;
     pub mod dave2_augmented;
     pub mod dave2_hardened;
-    pub mod dave2_quantized;
+    pub mod dave2_quantised;
     pub mod dave2_temporal;
     pub mod dave2_tub;
     pub mod onnx;
@@ -133,7 +133,7 @@ pdk_sdk::export! {
         driver::dave2::Dave2,
         driver::dave2_augmented::Dave2Augmented,
         driver::dave2_hardened::Dave2Hardened,
-        driver::dave2_quantized::Dave2Quantized,
+        driver::dave2_quantised::Dave2Quantised,
         driver::dave2_temporal::Dave2Temporal,
         driver::dave2_tub::Dave2Tub,
         driver::transformer::Transformer,

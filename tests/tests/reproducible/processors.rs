@@ -20,9 +20,9 @@ const PIPELINE: &str = r#"
     })
 "#;
 
-/// Networks of every make that comes with pdk: convolutions, a transformer, and a planner with its controller.
+/// Networks of every make that comes with pdk, beside convolutions of floats: of integers, a transformer, and a planner with its controller.
 const MAKES: &str = r#"
-    for _, driver in { "transformer", "waypoint_planner" } do
+    for _, driver in { "dave2_quantised", "transformer", "waypoint_planner" } do
         pdk.drive({ simulator = { name = "lane", width = 160, height = 80 }, driver = driver, duration = 0.05, scenarios = { {} } })
     end
 "#;
@@ -99,7 +99,7 @@ fn a_network_drives_the_same_on_every_processor() {
         lanes.into_iter().flat_map(|lane| lane.join().unwrap()).collect()
     });
     let here = drive(None, "here");
-    assert_eq!(here.lines().count(), 4);
+    assert_eq!(here.lines().count(), 5);
     for (processor, ledger) in ledgers {
         assert!(ledger == here, "{processor} wrote another ledger than this processor");
     }

@@ -3,7 +3,7 @@
 use super::dave2::Dave2;
 use super::dave2_augmented::Dave2Augmented;
 use super::dave2_hardened::Dave2Hardened;
-use super::dave2_quantized::Dave2Quantized;
+use super::dave2_quantised::Dave2Quantised;
 use super::dave2_temporal::Dave2Temporal;
 use super::dave2_tub::Dave2Tub;
 use super::transformer::Transformer;
@@ -13,7 +13,7 @@ const ALL: [(&str, &[u8]); 8] = [
     (Dave2::NAME, Dave2::CONTENT),
     (Dave2Augmented::NAME, Dave2Augmented::CONTENT),
     (Dave2Hardened::NAME, Dave2Hardened::CONTENT),
-    (Dave2Quantized::NAME, Dave2Quantized::CONTENT),
+    (Dave2Quantised::NAME, Dave2Quantised::CONTENT),
     (Dave2Temporal::NAME, Dave2Temporal::CONTENT),
     (Dave2Tub::NAME, Dave2Tub::CONTENT),
     (Transformer::NAME, Transformer::CONTENT),
@@ -71,7 +71,7 @@ mod tests {
             Dave2::description(),
             Dave2Augmented::description(),
             Dave2Hardened::description(),
-            Dave2Quantized::description(),
+            Dave2Quantised::description(),
             Dave2Temporal::description(),
             Dave2Tub::description(),
             Transformer::description(),

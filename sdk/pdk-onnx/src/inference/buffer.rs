@@ -62,7 +62,7 @@ impl Buffer {
             return;
         }
         match self {
-            // What comparisons compute, and what quantizes, mostly.
+            // What comparisons compute, and what quantises, mostly.
             Self::Single(values) if element == Element::BOOL && are_whole(values, [0.0, 1.0]) => {}
             Self::Single(values)
                 if element

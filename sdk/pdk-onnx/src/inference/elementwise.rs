@@ -3,10 +3,10 @@
 //! Each of these gives the same bits as the same operation in 64 bits that is then rounded to 32: the sum, difference, product and quotient of
 //! two 32-bit floats and the square root of one have this property (Figueroa, When is double rounding innocuous?, 1995).
 
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 
 use super::broadcast::Broadcast;
-use super::buffer::{Buffer, Operation, single};
+use super::buffer::{Buffer, Operation, is_single, single};
 use crate::operators::functions;
 use crate::site::Site;
 use crate::tensor::Element;
@@ -85,6 +85,35 @@ impl Operation for Unary {
             Function::Same => into.copy_from_slice(input),
         }
         Ok(())
+    }
+}
+
+/// `Cast` from a type of more than 32 bits, or of as many that are an integer, to 32-bit floats.
+pub struct Narrowing;
+
+impl Narrowing {
+    /// The node, if it is one.
+    ///
+    /// # Errors
+    /// If the node contradicts itself.
+    pub fn new(site: &Site<'_>) -> Result<Option<Self>> {
+        let is_one = site.node.op_type == "Cast"
+            && site.fact_of_output()?.element == Element::FLOAT
+            && !is_single(site.fact(0)?.element);
+        Ok(is_one.then_some(Self))
+    }
+}
+
+impl Operation for Narrowing {
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let into = outputs[0].single_mut()?;
+        match inputs.first().copied().flatten() {
+            Some(Buffer::Double(values)) => {
+                into.iter_mut().zip(values).for_each(|(into, value)| *into = *value as f32);
+                Ok(())
+            }
+            _ => Err(Error::new("a value has 32 bits, which is a defect in pdk")),
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Quantized networks whose convolutions and products of matrices are written in floats: between `DequantizeLinear` and `QuantizeLinear`.
+//! Quantised networks whose convolutions and products of matrices are written in floats: between `DequantizeLinear` and `QuantizeLinear`.
 //!
 //! They are computed in integers, as other runtimes do it: what goes in is what stands before `DequantizeLinear`, and if `QuantizeLinear` is all
 //! that follows, or `Relu` and then that, the sums become integers at once. Real numbers would give the same; in floats, sums are
@@ -9,8 +9,8 @@ use std::collections::HashMap;
 use pdk_sdk::error::Result;
 
 use super::buffer::singles;
-use super::quantization::Range;
-use super::quantized::{Finish, Quantized, To, Zero, is_byte};
+use super::quantisation::Range;
+use super::quantised::{Finish, Quantised, To, Zero, is_byte};
 use crate::graph::Graph;
 use crate::proto::NodeProto;
 use crate::site::{Site, axis};
@@ -21,7 +21,7 @@ use crate::values::Source;
 pub struct Fusion<'a> {
     /// What they are computed from.
     pub inputs: Vec<&'a str>,
-    pub operation: Quantized,
+    pub operation: Quantised,
     /// The nodes, of which the last one has the output.
     pub nodes: Vec<usize>,
 }
@@ -68,7 +68,7 @@ pub fn needed(graph: &Graph, fusions: &HashMap<usize, Fusion<'_>>) -> Vec<bool> 
 }
 
 /// Integers before `DequantizeLinear`.
-struct Dequantized<'a> {
+struct Dequantised<'a> {
     name: &'a str,
     shape: &'a [usize],
     scales: Vec<f32>,
@@ -96,7 +96,7 @@ impl<'a> Search<'a, '_> {
         let is_plain = node.op_type != "Gemm"
             || site.int("transA", 0) == 0
                 && [site.float("alpha", 1.0), site.float("beta", 1.0)].iter().all(|factor| *factor == 1.0);
-        let (Some(left), Some(right)) = (self.dequantized(&site, 0)?, self.dequantized(&site, 1)?) else {
+        let (Some(left), Some(right)) = (self.dequantised(&site, 0)?, self.dequantised(&site, 1)?) else {
             return Ok(None);
         };
         let ([left_scale], [left_zero], true) =
@@ -133,26 +133,26 @@ impl<'a> Search<'a, '_> {
         let mut inputs = vec![left.name];
         let operation = match (is_convolution, constant) {
             (true, Some(kernel)) => {
-                Quantized::convolution(&site, left.shape, &kernel, &right.zeros, &bias, zero, finish)?
+                Quantised::convolution(&site, left.shape, &kernel, &right.zeros, &bias, zero, finish)?
             }
             (true, None) => return Ok(None),
             (false, Some(matrix)) => {
                 let matrix = if is_turned { turned(&matrix) } else { Tensor::clone(&matrix) };
                 let shapes = [left.shape, matrix.shape.as_slice()];
-                Quantized::matrices(shapes, Some((&matrix, &right.zeros)), (1, 0.0), &bias, zero, finish)?
+                Quantised::matrices(shapes, Some((&matrix, &right.zeros)), (1, 0.0), &bias, zero, finish)?
             }
             (false, None) if is_turned || right.zeros.len() > 1 => return Ok(None),
             (false, None) => {
                 inputs.push(right.name);
                 let shapes = [left.shape, right.shape];
-                Quantized::matrices(shapes, None, (1, right.zeros[0]), &bias, zero, finish)?
+                Quantised::matrices(shapes, None, (1, right.zeros[0]), &bias, zero, finish)?
             }
         };
         Ok(operation.map(|operation| Fusion { inputs, operation, nodes }))
     }
 
     /// What an input was before `DequantizeLinear`, if it was integers of 8 bits.
-    fn dequantized(&self, site: &Site<'_>, place: usize) -> Result<Option<Dequantized<'a>>> {
+    fn dequantised(&self, site: &Site<'_>, place: usize) -> Result<Option<Dequantised<'a>>> {
         let Some(Source::Node(at)) = site.optional(place).and_then(|name| self.graph.source(name)) else {
             return Ok(None);
         };
@@ -174,7 +174,7 @@ impl<'a> Search<'a, '_> {
             1 => 0,
             _ => axis(site.int("axis", 1), integers.shape.len())?,
         };
-        Ok((zeros.len() == scales.values.len()).then(|| Dequantized {
+        Ok((zeros.len() == scales.values.len()).then(|| Dequantised {
             name: node.input[0].as_str(),
             shape: &integers.shape,
             scales: singles(&scales),

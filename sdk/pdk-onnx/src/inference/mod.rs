@@ -31,10 +31,10 @@ mod planar;
 mod pooling;
 mod power;
 mod product;
-mod quantization;
-mod quantized;
+mod quantisation;
+mod quantised;
 #[cfg(test)]
-mod quantized_tests;
+mod quantised_tests;
 mod reduction;
 mod resize;
 mod several;

@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use super::buffer::{Buffer, Constants, Operation, is_single};
 use super::choice::Choice;
 use super::convolution::Convolution;
-use super::elementwise::{Binary, Unary};
+use super::elementwise::{Binary, Narrowing, Unary};
 use super::extremes::Extremes;
 use super::functions::Smooth;
 use super::fusion::{self, Fusion};
@@ -19,8 +19,8 @@ use super::normalization::Normalization;
 use super::plain::{self, Plain};
 use super::pooling::Pool;
 use super::power::Power;
-use super::quantization::Quantization;
-use super::quantized::Quantized;
+use super::quantisation::{Dynamic, Quantisation};
+use super::quantised::Quantised;
 use super::reduction::Reduction;
 use super::resize::Resize;
 use super::several::Several;
@@ -351,11 +351,17 @@ fn operation(
     {
         return Ok(Box::new(movement));
     }
-    if let Some(quantization) = Quantization::new(site, constants)? {
-        return Ok(Box::new(quantization));
+    if let Some(quantisation) = Quantisation::new(site, constants)? {
+        return Ok(Box::new(quantisation));
     }
-    if let Some(quantized) = Quantized::of(site, constants)? {
-        return Ok(Box::new(quantized));
+    if let Some(dynamic) = Dynamic::new(site)? {
+        return Ok(Box::new(dynamic));
+    }
+    if let Some(narrowing) = Narrowing::new(site)? {
+        return Ok(Box::new(narrowing));
+    }
+    if let Some(quantised) = Quantised::of(site, constants)? {
+        return Ok(Box::new(quantised));
     }
     if all(|element| element.is_float() && is_single(element)) {
         // Axes and exponents are often 64-bit integers.

@@ -1,4 +1,4 @@
-//! `QuantizeLinear` and `DequantizeLinear`: floats as integers of 8 and 16 bits, and back.
+//! `QuantizeLinear`, `DequantizeLinear` and `DynamicQuantizeLinear`: floats as integers of 8 and 16 bits, and back.
 
 use pdk_sdk::error::Result;
 
@@ -39,8 +39,8 @@ impl Range {
     }
 }
 
-/// A node that quantizes, or the reverse.
-pub struct Quantization {
+/// A node that quantises, or the reverse.
+pub struct Quantisation {
     is_reverse: bool,
     /// How many neighbouring elements share a factor.
     length: usize,
@@ -48,7 +48,7 @@ pub struct Quantization {
     ranges: Vec<Range>,
 }
 
-impl Quantization {
+impl Quantisation {
     /// The node, if its factors and zero points are constant and belong to its input as a whole or to places along an axis.
     ///
     /// # Errors
@@ -81,7 +81,7 @@ impl Quantization {
     }
 }
 
-impl Operation for Quantization {
+impl Operation for Quantisation {
     fn is_rounded(&self) -> bool {
         true
     }
@@ -94,7 +94,7 @@ impl Operation for Quantization {
 
 /// The elements of an input, and where the results go.
 struct Elements<'a> {
-    of: &'a Quantization,
+    of: &'a Quantisation,
     input: &'a [f32],
     into: &'a mut [f32],
 }
@@ -102,15 +102,89 @@ struct Elements<'a> {
 impl Work for Elements<'_> {
     #[inline(always)]
     fn with<L: Lanes>(self) {
-        let Quantization { is_reverse, length, scales, ranges } = self.of;
+        let Quantisation { is_reverse, length, scales, ranges } = self.of;
         let factors = scales.iter().zip(ranges).cycle();
         let rows = self.into.chunks_mut(*length).zip(self.input.chunks(*length));
         for ((into, input), (&scale, &range)) in rows.zip(factors) {
             if *is_reverse {
                 into.iter_mut().zip(input).for_each(|(into, x)| *into = (x - range.zero) * scale);
             } else {
-                into.iter_mut().zip(input).for_each(|(into, x)| *into = range.nearest(x / scale));
+                Bytes { input, scale, range, into }.with::<L>();
             }
         }
+    }
+}
+
+/// `DynamicQuantizeLinear`: floats as bytes, with a scale and a zero point by their extremes.
+pub struct Dynamic;
+
+impl Dynamic {
+    /// The node, if it is one.
+    pub fn new(site: &Site<'_>) -> Result<Option<Self>> {
+        let is_float = || site.fact(0).map(|fact| fact.element == Element::FLOAT);
+        Ok((site.node.op_type == "DynamicQuantizeLinear" && is_float()?).then_some(Self))
+    }
+}
+
+impl Operation for Dynamic {
+    fn is_rounded(&self) -> bool {
+        true
+    }
+
+    fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
+        let input = single(inputs, 0)?;
+        let mut extremes = [0.0; 2];
+        dispatch_wide(Extremes { input, into: &mut extremes });
+        let [least, greatest] = extremes;
+        let scale = (greatest - least) / 255.0;
+        let mut range = Range { bounds: [0.0, 255.0], zero: 0.0 };
+        range.zero = range.nearest(-least / scale);
+        // Outputs that the graph has no use for may be left out.
+        for (output, number) in outputs.iter_mut().skip(1).zip([scale, range.zero]) {
+            output.single_mut()?.iter_mut().for_each(|into| *into = number);
+        }
+        dispatch_wide(Bytes { input, scale, range, into: outputs[0].single_mut()? });
+        Ok(())
+    }
+}
+
+/// The least and the greatest of numbers and 0. What is not a number is left out.
+struct Extremes<'a> {
+    input: &'a [f32],
+    into: &'a mut [f32; 2],
+}
+
+impl Work for Extremes<'_> {
+    #[inline(always)]
+    fn with<L: Lanes>(self) {
+        const TOGETHER: usize = 64;
+        let (mut least, mut greatest) = ([0.0f32; TOGETHER], [0.0f32; TOGETHER]);
+        for some in self.input.chunks(TOGETHER) {
+            for ((least, greatest), &x) in least.iter_mut().zip(&mut greatest).zip(some) {
+                *least = if x < *least { x } else { *least };
+                *greatest = if x > *greatest { x } else { *greatest };
+            }
+        }
+        let further = |a: f32, b: f32, is_further: bool| if is_further { b } else { a };
+        *self.into = [
+            least.iter().fold(0.0, |a, &b| further(a, b, b < a)),
+            greatest.iter().fold(0.0, |a, &b| further(a, b, b > a)),
+        ];
+    }
+}
+
+/// Floats as integers of one range.
+struct Bytes<'a> {
+    input: &'a [f32],
+    scale: f32,
+    range: Range,
+    into: &'a mut [f32],
+}
+
+impl Work for Bytes<'_> {
+    #[inline(always)]
+    fn with<L: Lanes>(self) {
+        let Self { input, scale, range, into } = self;
+        into.iter_mut().zip(input).for_each(|(into, x)| *into = range.nearest(x / scale));
     }
 }

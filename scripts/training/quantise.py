@@ -1,7 +1,7 @@
-"""Quantizes a network that comes with pdk: its convolutions compute with integers of 8 bits.
+"""Quantises a network that comes with pdk: its convolutions compute with integers of 8 bits.
 
     pdk run collect --out training-data
-    python scripts/training/quantize.py scripts/models/dave2.onnx training-data --out scripts/models/dave2_quantized.onnx --held-out other-data
+    python scripts/training/quantise.py scripts/models/dave2.onnx training-data --out scripts/models/dave2_quantised.onnx --held-out other-data
 
 Weights get a scale for each filter. What goes through the network gets the range that it has on some of the recorded images. The connected layers,
 which are little work, stay as they are. Prints how far the controls differ, on images that were not used, and how far both are from what would
@@ -45,10 +45,10 @@ def controls(path, images, speeds):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Quantizes the convolutions of a driving network.")
+    parser = argparse.ArgumentParser(description="Quantises the convolutions of a driving network.")
     parser.add_argument("network", type=pathlib.Path)
     parser.add_argument("record", type=pathlib.Path)
-    parser.add_argument("--out", type=pathlib.Path, required=True, help="the file of the quantized network")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="the file of the quantised network")
     parser.add_argument("--held-out", type=pathlib.Path, required=True, help="a record of other roads")
     arguments = parser.parse_args()
 
@@ -68,7 +68,7 @@ def main():
     print(f"{len(images)} images; mean and largest difference of steering and throttle:")
     difference = np.abs(after - before)
     print(" ", difference.mean(0).round(5), difference.max(0).round(4))
-    print("mean error of the network and of the quantized one:")
+    print("mean error of the network and of the quantised one:")
     print(" ", np.abs(before - right).mean(0).round(5), np.abs(after - right).mean(0).round(5))
 
 

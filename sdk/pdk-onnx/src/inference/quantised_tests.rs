@@ -1,4 +1,4 @@
-//! Quantized networks against the rules of their operators, with and without vector instructions.
+//! Quantised networks against the rules of their operators, with and without vector instructions.
 
 use super::lanes::{Level, limited};
 use super::*;
@@ -67,7 +67,7 @@ const CONVOLUTIONS: &[Shapes] = &[
 ];
 
 #[test]
-fn quantized_convolutions_are_exact_on_every_processor() {
+fn quantised_convolutions_are_exact_on_every_processor() {
     for (case, &(image, kernel, group, settings)) in CONVOLUTIONS.iter().enumerate() {
         for (types, per_filter) in [([0, 1], true), ([1, 0], true), ([0, 0], false), ([1, 1], false)] {
             let [x, w] = types.map(|number: usize| TYPES[number]);
@@ -117,7 +117,7 @@ const PRODUCTS: &[[&[usize]; 2]] = &[
 ];
 
 #[test]
-fn quantized_products_are_exact_on_every_processor() {
+fn quantised_products_are_exact_on_every_processor() {
     for (case, &[left, right]) in PRODUCTS.iter().enumerate() {
         for (types, per_column) in [([0, 1], true), ([1, 0], false), ([0, 0], false), ([1, 1], true)] {
             let [x, w] = types.map(|number: usize| TYPES[number]);
@@ -152,7 +152,7 @@ fn quantized_products_are_exact_on_every_processor() {
 }
 
 #[test]
-fn products_of_what_is_quantized_while_the_graph_runs_are_exact() {
+fn products_of_what_is_quantised_while_the_graph_runs_are_exact() {
     let mut s = Sketch::new(21);
     s.input("x", &[9, 9]);
     s.split("DynamicQuantizeLinear", &["x"], &["q", "scale", "zero"], &[]);
@@ -165,7 +165,7 @@ fn products_of_what_is_quantized_while_the_graph_runs_are_exact() {
 }
 
 #[test]
-fn floats_are_quantized_as_the_rules_say() {
+fn floats_are_quantised_as_the_rules_say() {
     for element in [2, 3, 4, 5].map(Element) {
         for (scales, axis) in
             [(&[0.03][..], 0), (&[0.1, 0.007, 1.0], 1), (&[0.013; 7], -1), (&[0.02, 3.0], 0)]
@@ -203,8 +203,8 @@ fn floats_are_quantized_as_the_rules_say() {
 /// Between `DequantizeLinear` and `QuantizeLinear`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum End {
-    Quantized,
-    CutAndQuantized,
+    Quantised,
+    CutAndQuantised,
     Floats,
 }
 
@@ -223,11 +223,11 @@ fn weights(s: &mut Sketch, shape: &[usize], axis: i64, count: usize) -> String {
 fn finish(s: &mut Sketch, end: End) {
     let last = match end {
         End::Floats => return s.node("Identity", &["c"], "y", &[]),
-        End::CutAndQuantized => {
+        End::CutAndQuantised => {
             s.node("Relu", &["c"], "r", &[]);
             "r"
         }
-        End::Quantized => "c",
+        End::Quantised => "c",
     };
     let scale = s.weights("y scale", floats(&[0.01], &[]));
     let zero = s.weights("y zero", Tensor { element: Element::INT8, shape: Vec::new(), values: vec![-20.0] });
@@ -254,8 +254,8 @@ fn compare(s: &Sketch, shape: &[usize], end: End, steps: usize, name: &str) {
 }
 
 #[test]
-fn sums_of_dequantized_integers_are_computed_in_integers() {
-    for end in [End::Quantized, End::CutAndQuantized, End::Floats] {
+fn sums_of_dequantised_integers_are_computed_in_integers() {
+    for end in [End::Quantised, End::CutAndQuantised, End::Floats] {
         // `Cast`, or `Identity`, the sum, and `QuantizeLinear` before it.
         let steps = 3;
         for (case, &(image, kernel, group, settings)) in CONVOLUTIONS.iter().enumerate() {
@@ -332,8 +332,46 @@ fn sums_that_are_used_twice_stay_floats() {
     s.node("DequantizeLinear", &["d", &scale, &zero], "e", &[]);
     s.node("Sub", &["c", "e"], "y", &[]);
     let (found, steps, expected) = each(&s, &[1, 3, 9, 9]);
-    // The quantization of `x`, the sum, both others, and the difference.
+    // The quantisation of `x`, the sum, both others, and the difference.
     assert_eq!(steps, 5);
     // Within half a step, or one for a tie, if nothing is saturated; and the sums are those of integers.
     assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= 1.1 / 120.0), "{found:?} {expected:?}");
+}
+
+#[test]
+fn extremes_decide_how_floats_are_quantised_while_the_graph_runs() {
+    let special = [f32::NAN, -0.0, 3.0, -7.5, 1e-40];
+    for (low, high) in [(-1.0, 2.0), (0.5, 3.0), (-3.0, -0.1), (0.0, 0.0)] {
+        for count in 0..special.len() {
+            let mut s = Sketch::new(21);
+            s.input("x", &[3, 41]);
+            s.split("DynamicQuantizeLinear", &["x"], &["q", "scale", "zero"], &[]);
+            s.node("Cast", &["q"], "bytes", &[("to", Int(1))]);
+            s.node("Cast", &["zero"], "whole zero", &[("to", Int(1))]);
+            let one = s.ints(&[1]);
+            for name in ["bytes", "scale", "whole zero"] {
+                let flat = s.ints(&[-1]);
+                s.node(
+                    "Reshape",
+                    &[name, if name == "bytes" { &flat } else { &one }],
+                    &format!("flat {name}"),
+                    &[],
+                );
+            }
+            s.node("Concat", &["flat bytes", "flat scale", "flat whole zero"], "y", &[("axis", Int(0))]);
+            let mut x: Vec<f32> =
+                numbers(7, 123).iter().map(|x| (low + (x * 0.5 + 0.5) * (high - low)) as f32).collect();
+            x[50..50 + count].copy_from_slice(&special[..count]);
+            let graph = Graph::new(s.model(&["y"])).unwrap();
+            let tensor = Tensor::floats(&[3, 41], x.iter().map(|&x| f64::from(x)).collect());
+            let expected = graph.evaluate(&[("x", &tensor)], &["y"]).unwrap().swap_remove(0);
+            let expected: Vec<f32> = expected.values.iter().map(|&value| value as f32).collect();
+            let mut program = Program::new(graph).unwrap();
+            for level in [Level::Portable, Level::Avx, Level::Avx512, Level::Vnni] {
+                let mut found = [Vec::new()];
+                limited(level, || program.run(std::slice::from_ref(&x), &mut found).unwrap());
+                assert_eq!(found[0], expected, "{low} to {high}, {count} {level:?}");
+            }
+        }
+    }
 }

@@ -10,7 +10,7 @@ use super::convolution::Convolution;
 use super::integers::paired;
 use super::lanes::{Lanes, Work, dispatch_wide};
 use super::matrix::Matrices;
-use super::quantization::Range;
+use super::quantisation::Range;
 use crate::operators::matmul;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, elements};
@@ -19,7 +19,7 @@ use crate::tensor::{Element, Tensor, elements};
 const MOST: usize = (i32::MAX / (255 * 255)) as usize;
 
 /// A convolution or a product of matrices.
-pub struct Quantized {
+pub struct Quantised {
     sums: Sums,
     left: Left,
     right: Option<Right>,
@@ -83,7 +83,7 @@ pub enum To {
     Floats,
 }
 
-impl Quantized {
+impl Quantised {
     /// A convolution with constant weights, as the node at the site has it, of an image with a kernel: filters, channels, and places. `zeros` has
     /// a number for each filter, or one. Nothing if a sum has too many products.
     ///
@@ -151,16 +151,16 @@ impl Quantized {
             right.pair(&values, &mut pairs);
             matrices.pack(&pairs);
         }
-        let mut quantized = Self::new(
+        let mut quantised = Self::new(
             Sums::Matrices(matrices),
             Left { depth, plane: 1, count: left_count, zero },
             constant.is_none().then_some(right),
             finish,
         )?;
         if constant.is_none() {
-            quantized.right_pairs = vec![0; right_count.div_ceil(depth) * halved];
+            quantised.right_pairs = vec![0; right_count.div_ceil(depth) * halved];
         }
-        Ok(Some(quantized))
+        Ok(Some(quantised))
     }
 
     fn new(sums: Sums, left: Left, right: Option<Right>, finish: Finish) -> Result<Self> {
@@ -355,7 +355,7 @@ impl Work for Results<'_> {
     }
 }
 
-impl Operation for Quantized {
+impl Operation for Quantised {
     fn is_rounded(&self) -> bool {
         true
     }
