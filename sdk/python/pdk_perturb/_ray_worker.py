@@ -95,6 +95,9 @@ class Worker:
             named = _put(job, steps, placed)
             if named in contents:
                 contents[placed] = contents.pop(named)
+            else:
+                # A word of a command: with another path there, the scenario has another id here, for which the worker would refuse it.
+                job["job"].pop("scenario", None)
         if drive and drive.get("trace") and not self._shared:
             trace = Path(self._traces.name) / os.path.basename(drive["trace"])
             drive["trace"] = str(trace)

@@ -38,7 +38,7 @@ BEAT = 2.0
 #: There are at most this many relays. If there are more machines, several share one.
 RELAYS = 8
 #: At most this many messages a second go to all relays together, and as many come back. What is there in between goes together.
-MESSAGES = 250.0
+MESSAGES = 500.0
 #: This many threads write traces, which for the most part is waiting for the disk.
 WRITERS = 8
 #: The variable of Ray's that says how many seconds a program waits for a head that is gone, and what it is if it is not set. Then
