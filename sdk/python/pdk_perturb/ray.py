@@ -4,8 +4,8 @@
     pdk run study --pool "ray --address head:6379 --slots 200"
     pdk.run("study", pool="ray")
 
-Where they run, how often they are tried and how many machines there are is Ray's business. Each is an actor that holds a `pdk worker`. The
-package pdk-perturb has to be there on every machine, in the same version; what else a scenario needs (models, plugins, scripts, datasets) travels
+Where they run, how often they are tried and how many machines there are is Ray's business. Each is an actor that holds a `pdk worker`. A
+few more actors, the relays, pass on jobs and answers, so that those that are there at the same time are one message. The package pdk-perturb has to be there on every machine, in the same version; what else a scenario needs (models, plugins, scripts, datasets) travels
 by its content, once to each machine, and traces come back. With `--shared` nothing travels: all machines have the same files at the same
 paths, as on a shared file system.
 
@@ -21,12 +21,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from pdk_perturb import _files, _program
 from pdk_perturb._pdk import Error
-from pdk_perturb._ray_worker import Ended, Worker
+from pdk_perturb._ray_worker import Relay, Worker, reason
 
 #: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
@@ -34,6 +35,12 @@ TRIES = 3
 ROOM = 5.0
 #: This many seconds lie between two questions to the head of the cluster.
 BEAT = 2.0
+#: There are at most this many relays. If there are more machines, several share one.
+RELAYS = 8
+#: At most this many messages a second go to all relays together, and as many come back. What is there in between goes together.
+MESSAGES = 500.0
+#: This many threads write traces, which for the most part is waiting for the disk.
+WRITERS = 8
 #: The variable of Ray's that says how many seconds a program waits for a head that is gone, and what it is if it is not set. Then
 #: Ray ends the program without a word, so the pool gives up after three quarters of that.
 PATIENCE, USUAL_PATIENCE = "RAY_gcs_rpc_server_reconnect_timeout_s", 60.0
@@ -228,6 +235,17 @@ def connect(ray, chosen, say):
     ray.init(address="local", include_dashboard=False, **common)
 
 
+class Job:
+    """A job: its line, its files, and how often it was given away."""
+
+    __slots__ = ("line", "files", "tries")
+
+    def __init__(self, line, files):
+        self.line = line
+        self.files = files
+        self.tries = 0
+
+
 class Actor:
     """An actor of the cluster, as the pool sees it."""
 
@@ -235,13 +253,36 @@ class Actor:
         self.handle = handle
         self.number = number
         self.group = group
+        #: Where its jobs go through.
+        self.hub = None
+        #: Whether the relay has the handle.
+        self.is_known = False
+        #: What it does.
+        self.job = None
+
+
+class Hub:
+    """A relay, as the pool sees it."""
+
+    def __init__(self, handle):
+        self.handle = handle
+        #: A call without a result costs half as much. That the relay is gone is noticed where it is to answer.
+        self.give = handle.give.options(num_returns=0)
+        #: Done when it is there.
+        self.ready = None
+        #: The actors that it passes jobs to, by their numbers.
+        self.actors = {}
+        #: Jobs that go to it with the next message.
+        self.outgoing = []
+        #: How many jobs it was given.
+        self.given = 0
 
 
 class Group:
     """Workers with the same share of a GPU, and what waits for them."""
 
     def __init__(self):
-        #: Jobs, each with its files and how often it was given away.
+        #: Jobs.
         self.waiting = deque()
         #: Actors that have nothing to do.
         self.idle = []
@@ -263,11 +304,19 @@ class Pool:
         self._paths = Paths(self._catalog)
         self._sender = _files.Sender(ray.put)
         self._components = [] if chosen.shared else list(self._travelling())
+        #: Hashes of what workers said of themselves that was found to be right.
+        self._checked = set()
         self._groups = {}
         self._actors = set()
+        #: Relays by the machines whose workers they serve.
+        self._hubs = {}
+        #: Those with jobs that go to them.
+        self._outgoing = set()
+        self._writers = ThreadPoolExecutor(WRITERS)
         #: Numbers that no actor has, the smallest first: a worker's ports are derived from its number.
         self._numbers = list(range(slots))
         self._running = set()
+        self._listening = set()
         #: How many starts failed, one behind the other.
         self._failed = 0
 
@@ -285,18 +334,25 @@ class Pool:
                 continue
             yield (base is not None, told)
 
-    def take(self, line):
-        """Takes a job of the session."""
-        job = json.loads(line)
-        files = []
-        if not self._chosen.shared:
+    def take(self, lines):
+        """Takes jobs of the session."""
+        for line in lines:
+            group, files = self._read(line)
+            self._groups.setdefault(group, Group()).waiting.append(Job(line, files))
+        self._give_all()
+
+    def _read(self, line):
+        """What a job needs: how much of a GPU, and files. Most need neither, which their text shows."""
+        has_files = not self._chosen.shared and (b'"parameters"' in line or b'"mask"' in line)
+        if not has_files and b'"gpus"' not in line:
+            return 0.0, ()
+        job, files = json.loads(line), []
+        if has_files:
             for steps in self._paths.find(job):
                 told = self._sender.take(at(job, steps))
                 if told is not None:
                     files.append((steps, told))
-        group = gpus(job)
-        self._groups.setdefault(group, Group()).waiting.append((job, files, 1))
-        self._give(group)
+        return float(gpus(job)), files
 
     def _blobs(self, files):
         return {told["hash"]: self._sender.sent[told["hash"]] for _, told in files}
@@ -305,7 +361,13 @@ class Pool:
         """Gives what waits in a group to actors that have nothing to do, and asks for more if there are too few."""
         group = self._groups[name]
         while group.waiting and group.idle:
-            self._run(self._work(group.idle.pop(), group.waiting.popleft()))
+            actor, job = group.idle.pop(), group.waiting.popleft()
+            job.tries += 1
+            actor.job = job
+            handle = None if actor.is_known else actor.handle
+            actor.is_known = True
+            actor.hub.outgoing.append((actor.number, handle, job.line, job.files, self._blobs(job.files)))
+            self._outgoing.add(actor.hub)
         # As many are on their way as there are jobs that wait for one.
         while len(group.waiting) - group.coming > len(self._numbers) and self._make_room(group):
             pass
@@ -327,13 +389,17 @@ class Pool:
 
     def _done(self, task):
         self._running.discard(task)
+        self._listening.discard(task)
         if not task.cancelled() and task.exception() is not None:
             self.fail(task.exception())
 
     def fail(self, raised):
         """Says why nothing more can be done."""
         said = str(raised) if isinstance(raised, Error) else f"{type(raised).__name__}: {raised}"
-        self._say(json.dumps({"failed": f"the pool of Ray cannot go on: {said.strip().splitlines()[-1]}"}))
+        self._fail(said.strip().splitlines()[-1])
+
+    def _fail(self, sentence):
+        self._say(json.dumps({"failed": f"the pool of Ray cannot go on: {sentence}"}))
 
     async def _start(self, name, number):
         group = self._groups[name]
@@ -345,11 +411,15 @@ class Pool:
         self._actors.add(actor)
         failed_before = self._failed
         try:
-            line = await self._introduced(handle, group)
-            if "failed" in (said := json.loads(line)):
-                self._say(line.strip())
-                return
-            self._check(said["ready"])
+            digest, node = await self._introduced(handle, group)
+            if digest not in self._checked:
+                line = await handle.said.remote()
+                if "failed" in (said := json.loads(line)):
+                    self._say(line.strip())
+                    return
+                self._check(said["ready"])
+                self._checked.add(digest)
+            actor.hub = await self._hub(node)
         except self._ray.exceptions.RayTaskError:
             # It is there, and cannot do it.
             raise
@@ -362,17 +432,64 @@ class Pool:
                 raise self._unable(raised) from None
         else:
             self._failed = 0
+            actor.hub.actors[number] = actor
             group.idle.append(actor)
         finally:
             group.coming -= 1
         self._give_all()
 
     async def _introduced(self, handle, group):
-        """What a worker says of itself when it has started."""
+        """What a worker returns when it has started."""
         start = asyncio.ensure_future(handle.start.remote(self._blobs(self._components)))
         while not (await asyncio.wait([start], timeout=ROOM))[0]:
             self._make_room(group)
         return start.result()
+
+    async def _hub(self, node):
+        """The relay for a machine: one that is started there, or that of others if there are many."""
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        while True:
+            hub = self._hubs.get(node)
+            if hub is None:
+                served = Counter(self._hubs.values())
+                if len(served) < RELAYS:
+                    there = NodeAffinitySchedulingStrategy(node_id=node, soft=False)
+                    hub = Hub(self._ray.remote(Relay).options(num_cpus=0, scheduling_strategy=there).remote())
+                    hub.ready = asyncio.ensure_future(self._open(hub))
+                else:
+                    hub = min(served, key=served.get)
+                self._hubs[node] = hub
+            await hub.ready
+            # It may have been lost at the same moment.
+            if self._hubs.get(node) is hub:
+                return hub
+
+    async def _open(self, hub):
+        try:
+            await hub.handle.ready.remote()
+        except self._ray.exceptions.RayError:
+            # The next worker asks for another.
+            self._forget(hub)
+            raise
+        task = asyncio.ensure_future(self._listen(hub))
+        self._listening.add(task)
+        task.add_done_callback(self._done)
+
+    async def _listen(self, hub):
+        """Takes the answers of a relay until it is gone."""
+        try:
+            while True:
+                self._answered(hub, await hub.handle.take.remote(hub.given, self.pause()))
+        except self._ray.exceptions.RayError as raised:
+            self._lose_hub(hub, reason(raised))
+
+    def pause(self):
+        """How many seconds lie between two messages to a relay, or from one, if there is much to say."""
+        return len(self._listening) / MESSAGES
+
+    def _forget(self, hub):
+        self._hubs = {node: other for node, other in self._hubs.items() if other is not hub}
 
     def _unable(self, raised):
         """Why no worker can be started."""
@@ -380,19 +497,19 @@ class Pool:
 
         return _program.error(
             "configuration",
-            f"no worker could be started on the cluster, {TRIES} times in a row (the last: {_reason(raised)}); install pdk-perturb "
+            f"no worker could be started on the cluster, {TRIES} times in a row (the last: {reason(raised)}); install pdk-perturb "
             f"{pdk.__version__} on every machine",
         )
 
-    def _is_lost(self, raised):
-        """Whether an actor is gone, or what it holds; what else is raised in one is a mistake that would be made again elsewhere."""
-        errors = self._ray.exceptions
-        return not isinstance(raised, errors.RayTaskError) or isinstance(raised.cause, (Ended, errors.RayError))
-
     def _give_all(self):
-        """An actor has become free, which may make room for one of another group."""
+        """Gives what waits in all groups: an actor that has become free may make room for one of another group."""
         for name in self._groups:
             self._give(name)
+        for hub in self._outgoing:
+            hub.given += len(hub.outgoing)
+            hub.give.remote(hub.outgoing)
+            hub.outgoing = []
+        self._outgoing.clear()
 
     def _check(self, ready):
         """Makes sure that a worker is of the same version and has the same components."""
@@ -414,32 +531,46 @@ class Pool:
                 "configuration", f"a machine of the cluster lacks the {kind} `{name}` (version {version}), which is there on this one"
             )
 
-    async def _work(self, actor, waited):
-        job, files, tries = waited
-        job["job"]["slot"] = actor.number
-        try:
-            lines, trace = await actor.handle.work.remote(json.dumps(job), files, self._blobs(files))
-            if trace is not None:
-                _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
-            for line in lines:
-                self._say(line.strip())
-        except self._ray.exceptions.RayError as raised:
-            if not self._is_lost(raised):
-                raise
-            self._lose(actor)
-            if tries < TRIES:
-                self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
+    def _answered(self, hub, answers):
+        """Passes on what workers have said, and gives them more to do."""
+        lines, traces = [], []
+        for number, kind, said, trace in answers:
+            actor = hub.actors[number]
+            job, actor.job = actor.job, None
+            if kind == "failed":
+                self._fail(said)
+            elif kind == "lost":
+                self._lose(actor)
+                self._again(actor.group, job, said)
             else:
-                message = f"a worker of the cluster was lost {TRIES} times over it (the last: {_reason(raised)})"
-                answer = given_up(message)
-                self._say(json.dumps({"done": {"number": job["job"]["number"], "answer": answer}}))
-        else:
-            if _is_broken(lines):
-                # The session gives one slot less to do, so no other actor takes its number.
-                self._end(actor)
-            else:
-                self._groups[actor.group].idle.append(actor)
+                if kind == "broken":
+                    # The session gives one slot less to do, so no other actor takes its number.
+                    self._end(actor)
+                else:
+                    self._groups[actor.group].idle.append(actor)
+                if trace is None:
+                    lines.append(said)
+                else:
+                    traces.append((job, said, trace))
+        if lines:
+            self._say("\n".join(lines))
+        if traces:
+            self._run(self._keep(traces))
         self._give_all()
+
+    async def _keep(self, traces):
+        """Writes traces, and then says what came with them."""
+        loop = asyncio.get_running_loop()
+        await asyncio.gather(*(loop.run_in_executor(self._writers, _keep, job.line, trace) for job, _, trace in traces))
+        self._say("\n".join(said for _, said, _ in traces))
+
+    def _again(self, name, job, why):
+        """Gives a job to another actor after one was lost over it, if that was not often the case."""
+        if job.tries < TRIES:
+            self._groups[name].waiting.appendleft(job)
+            return
+        answer = given_up(f"a worker of the cluster was lost {TRIES} times over it (the last: {why})")
+        self._say(json.dumps({"done": {"number": json.loads(job.line)["job"]["number"], "answer": answer}}))
 
     def _lose(self, actor):
         heapq.heappush(self._numbers, actor.number)
@@ -447,30 +578,39 @@ class Pool:
 
     def _end(self, actor):
         self._actors.discard(actor)
+        if actor.hub is not None:
+            actor.hub.actors.pop(actor.number, None)
         self._ray.kill(actor.handle)
+
+    def _lose_hub(self, hub, why):
+        """Gives the jobs of a relay to others. Its actors are gone too, most likely, and those that are not cannot tell what came of their jobs."""
+        self._forget(hub)
+        for group in self._groups.values():
+            group.idle = [actor for actor in group.idle if actor.hub is not hub]
+        # The ones that were given away first come first again.
+        for actor in reversed(list(hub.actors.values())):
+            self._lose(actor)
+            if actor.job is not None:
+                self._again(actor.group, actor.job, why)
+        self._ray.kill(hub.handle)
+        self._give_all()
 
     def end(self):
         """Lets all actors go. What belongs to this program ends with it anyway, but not at once."""
+        for task in self._listening:
+            task.cancel()
         for actor in list(self._actors):
             self._lose(actor)
+        for hub in set(self._hubs.values()):
+            self._ray.kill(hub.handle)
 
 
-def _is_broken(lines):
-    """Whether a worker says that its machine cannot do the job."""
-    done = json.loads(lines[-1]).get("done") if lines else None
-    return done is not None and "broken" in done["answer"]
-
-
-def _reason(raised):
-    """Why an actor is gone: the first sentence of the last line. Before it come tracebacks and lists of ids, and then advice."""
-    return str(getattr(raised, "cause", raised)).strip().splitlines()[-1].strip().partition(". ")[0].rstrip(".")
-
-
-def _write(path, content):
-    """Writes a trace as a worker does: complete, or not at all."""
+def _keep(line, trace):
+    """Writes the trace of a job as a worker does: complete, or not at all."""
+    path = Path(json.loads(line)["job"]["work"]["drive"]["trace"])
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     with part.open("wb") as file:
-        file.write(content)
+        file.write(trace)
         file.flush()
         os.fsync(file.fileno())
     os.rename(part, path)
@@ -503,14 +643,21 @@ async def relay(hello, answer, chosen, say):
     lines, loop = asyncio.Queue(), asyncio.get_running_loop()
 
     def listen():
-        for line in sys.stdin.buffer:
-            loop.call_soon_threadsafe(lines.put_nowait, line)
+        # All lines that are there at the same time are taken together.
+        parts = []
+        while chunk := sys.stdin.buffer.read1(1 << 20):
+            parts.append(chunk)
+            if b"\n" in chunk:
+                *complete, rest = b"".join(parts).split(b"\n")
+                parts = [rest]
+                loop.call_soon_threadsafe(lines.put_nowait, [line for line in complete if line.strip()])
+                time.sleep(pool.pause())
         loop.call_soon_threadsafe(lines.put_nowait, None)
 
     threading.Thread(target=listen, daemon=True).start()
-    while (line := await lines.get()) is not None:
+    while (some := await lines.get()) is not None:
         try:
-            pool.take(line)
+            pool.take(some)
         except Error as raised:
             pool.fail(raised)
     pool.end()
@@ -523,11 +670,15 @@ def main(words):
     except ImportError:
         sys.exit("pdk: error: --pool ray needs the package ray; install it with `pip install 'pdk-perturb[ray]'`")
     # What others print is not for the session.
-    output = os.fdopen(os.dup(1), "wb", buffering=0)
+    output, writing = os.dup(1), threading.Lock()
     os.dup2(2, 1)
 
-    def say(line):
-        output.write(line.encode() + b"\n")
+    def say(text):
+        # A signal may end a write early, and another thread may have something to say.
+        with writing:
+            rest = memoryview(text.encode() + b"\n")
+            while rest:
+                rest = rest[os.write(output, rest) :]
 
     try:
         asyncio.run(serve(chosen, say))

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,7 +22,8 @@ from ray.cluster_utils import Cluster  # noqa: E402
 import ray  # noqa: E402
 
 import pdk_perturb as pdk  # noqa: E402
-from pdk_perturb._ray_worker import Ended, Worker  # noqa: E402
+from pdk_perturb import _ray_worker  # noqa: E402
+from pdk_perturb._ray_worker import Ended, Relay, Worker, digest  # noqa: E402
 from pdk_perturb.ray import PATIENCE, Head, Paths, Pool, gpus, options  # noqa: E402
 
 PIPELINE = """
@@ -294,58 +296,137 @@ def test_a_cluster_without_the_package_is_one_sentence(cluster, tmp_path, study)
 
 
 class Actors:
-    """Stands in for Ray: `start(number)` and `work(job)` are what actors do, the one with this number and with this job."""
+    """Stands in for Ray: `start(number)` and `work(job)` are what actors do, the one with this number and with this job. Each is on a machine of
+    its own unless `node(number)` says otherwise. Relays are real, and in this process."""
 
-    def __init__(self, monkeypatch, start=None, work=None, slots=4):
+    def __init__(self, monkeypatch, start=None, work=None, node=int, slots=4, chosen=("--shared",)):
         self.started = self.alive = 0
         self.said = []
+        #: How many jobs came with each message to a relay, and how many answers with each that came back.
+        self.given, self.taken = [], []
+        self.relays = []
+        self.ready = json.dumps({"ready": {"pdk": pdk.__version__, "catalog": []}})
         self._start = start or self._ready
         self._work = work or self._done
-        monkeypatch.setattr(ray, "remote", lambda cls: self)
+        self._node = node
+        monkeypatch.setattr(ray, "remote", lambda cls: Made(self._worker if cls is Worker else self._relay))
         monkeypatch.setattr(ray, "put", lambda content: content)
-        monkeypatch.setattr(ray, "kill", self._kill)
+        monkeypatch.setattr(ray, "kill", lambda handle: handle.kill())
         ready = {"pdk": pdk.__version__, "catalog": []}
-        self.pool = Pool(b"{}", ready, options(["--shared"]), slots, lambda line: self.said.append(json.loads(line)))
+        self.pool = Pool(b"{}", ready, options(list(chosen)), slots, self._say)
 
-    def options(self, **_):
-        return self
+    def _say(self, text):
+        self.said += map(json.loads, text.splitlines())
 
-    def remote(self, *_):
+    def _worker(self, *_):
         self.started += 1
         self.alive += 1
         return Handle(self.started, self)
 
-    def _kill(self, _):
-        self.alive -= 1
+    def _relay(self):
+        self.relays.append(Relayed(self))
+        return self.relays[-1]
 
     async def _ready(self, number):
-        return json.dumps({"ready": {"pdk": pdk.__version__, "catalog": []}})
+        return self.ready
 
     async def _done(self, job):
-        return [json.dumps({"done": {"number": job["number"], "answer": {"made": {}}}})], None
+        return json.dumps({"done": {"number": job["number"], "answer": {"made": {}}}}), None, False
 
-    async def give(self, *jobs):
-        """Gives jobs, each a number and a share of a GPU, and waits until nothing happens any more."""
-        for number, share in jobs:
+    def put(self, *jobs):
+        """Gives jobs, each a number and a share of a GPU, which come together."""
+
+        def line(number, share):
             component = {"name": "process", "parameters": {"gpus": share}}
             job = {"number": number, "slot": 0, "work": {"make": {"kind": "driver", "component": component}}}
-            self.pool.take(json.dumps({"job": job}))
+            return json.dumps({"job": job}).encode()
+
+        self.pool.take([line(*job) for job in jobs])
+
+    async def give(self, *jobs):
+        """Gives jobs, and waits until nothing happens any more."""
+        self.put(*jobs)
         for _ in range(1000):
-            if not self.pool._running:
+            if not self.pool._running and not any(actor.job for actor in self.pool._actors):
                 return
             await asyncio.sleep(0.001)
         raise AssertionError(f"this goes on for ever: {self.said}")
 
 
-class Handle:
-    def __init__(self, number, actors):
-        self.start = Method(lambda blobs: actors._start(number))
-        self.work = Method(lambda job, files, blobs: actors._work(json.loads(job)["job"]))
-
-
-class Method:
+class Made:
     def __init__(self, remote):
         self.remote = remote
+
+    def options(self, **_):
+        return self
+
+
+class Method(Made):
+    """A method that another process would execute."""
+
+    def __init__(self, function, process=None):
+        def remote(*given):
+            call = asyncio.ensure_future(function(*given))
+            if process is not None:
+                process.calls.add(call)
+                call.add_done_callback(process.calls.discard)
+            return call
+
+        super().__init__(remote)
+
+
+class Handle:
+    def __init__(self, number, actors):
+        self._actors = actors
+
+        async def start(blobs):
+            # The id of a machine has 28 bytes.
+            return digest(await actors._start(number)), f"{actors._node(number):056x}"
+
+        async def work(line, slot, files, blobs):
+            return await actors._work({**json.loads(line)["job"], "slot": slot, "actor": number})
+
+        self.start = Method(start)
+        self.said = Method(lambda: actors._start(number))
+        self.work = Method(work)
+
+    def kill(self):
+        self._actors.alive -= 1
+
+
+class Relayed:
+    """A relay, which `lose` ends as the loss of its machine does."""
+
+    def __init__(self, actors):
+        self.calls = set()
+        self._lost = False
+        relay = Relay()
+
+        async def give(jobs):
+            actors.given.append(len(jobs))
+            await relay.give(jobs)
+
+        async def take(*given):
+            if self._lost:
+                raise ray.exceptions.ActorDiedError()
+            try:
+                answers = await relay.take(*given)
+            except asyncio.CancelledError:
+                if self._lost:
+                    raise ray.exceptions.ActorDiedError() from None
+                raise
+            actors.taken.append(len(answers))
+            return answers
+
+        self.ready, self.give, self.take = (Method(each, self) for each in (relay.ready, give, take))
+
+    def lose(self):
+        self._lost = True
+        for call in self.calls:
+            call.cancel()
+
+    def kill(self):
+        self.lose()
 
 
 def test_a_job_over_which_workers_are_lost_again_and_again_is_answered_as_lost(monkeypatch):
@@ -379,16 +460,17 @@ def test_what_is_raised_in_an_actor_is_no_lost_worker(monkeypatch):
 def test_what_a_worker_says_is_passed_on_as_it_is(monkeypatch, tmp_path):
     script = tmp_path / "pdk"
     monkeypatch.setattr(pdk, "executable", lambda: script)
+    monkeypatch.setattr(ray, "get_runtime_context", lambda: SimpleNamespace(get_node_id=lambda: "here"))
     answers = [json.dumps({"ready": {}}), json.dumps({"failed": "no such thing; do another"})]
     script.write_text("#!/bin/sh\n" + "".join(f"read line\necho '{answer}'\n" for answer in answers))
     script.chmod(0o755)
     job = json.dumps({"job": {"number": 0, "slot": 0, "work": {"make": {}}}})
     worker = Worker('{"hello":{}}', [], True)
-    assert json.loads(worker.start({})) == {"ready": {}}
-    assert worker.work(job, [], {}) == ([answers[1] + "\n"], None)
+    assert worker.start({}) == (digest(worker.said()), "here") and json.loads(worker.said()) == {"ready": {}}
+    assert worker.work(job, 0, [], {}) == (answers[1], None, False)
     for _ in range(2):
         with pytest.raises(Ended, match="`pdk worker` ended with exit code 0"):
-            worker.work(job, [], {})
+            worker.work(job, 0, [], {})
 
     async def start(number):
         return answers[1] + "\n"
@@ -464,6 +546,189 @@ def test_an_actor_that_cannot_be_placed_gets_the_room_of_one_with_nothing_to_do(
     actors = Actors(monkeypatch, start=start, slots=8)
     asyncio.run(study())
     assert len(actors.said) == 3
+
+
+def test_jobs_and_answers_that_are_there_at_the_same_time_go_together(monkeypatch):
+    async def study():
+        await actors.give(*((number, 0) for number in range(8)))
+        actors.given.clear(), actors.taken.clear()
+        await actors.give(*((number, 0) for number in range(8, 16)))
+
+    actors = Actors(monkeypatch, node=lambda number: number % 2, slots=8)
+    asyncio.run(study())
+    assert len(actors.relays) == 2 and actors.given == [4, 4] and actors.taken == [4, 4]
+    assert sorted(said["done"]["number"] for said in actors.said) == list(range(16))
+
+
+def test_an_answer_does_not_wait_for_a_job_that_takes_longer(monkeypatch):
+    async def work(job):
+        if job["number"] == 0:
+            await longest.wait()
+        return await actors._done(job)
+
+    async def study():
+        nonlocal longest
+        longest = asyncio.Event()
+        actors.put(*((number, 0) for number in range(4)))
+        while len(actors.said) < 3:
+            await asyncio.sleep(0.001)
+        assert sorted(said["done"]["number"] for said in actors.said) == [1, 2, 3]
+        longest.set()
+        await actors.give((4, 0))
+
+    longest = None
+    actors = Actors(monkeypatch, work=work, node=lambda _: 0)
+    asyncio.run(asyncio.wait_for(study(), 60))
+    assert [said["done"]["number"] for said in actors.said[3:]] in ([0, 4], [4, 0])
+
+
+def test_slots_do_one_job_at_a_time_in_the_order_of_the_session(monkeypatch):
+    busy, order = set(), []
+
+    async def work(job):
+        assert job["slot"] not in busy
+        busy.add(job["slot"])
+        order.append(job["number"])
+        await asyncio.sleep(0.0001 * (job["number"] % 7))
+        busy.remove(job["slot"])
+        return await actors._done(job)
+
+    actors = Actors(monkeypatch, work=work, node=lambda number: number % 3, slots=6)
+    asyncio.run(actors.give(*((number, 0) for number in range(200))))
+    assert sorted(order) == list(range(200)) and sorted(said["done"]["number"] for said in actors.said) == list(range(200))
+    # As many as there are slots are under way, so none is more than that before its turn.
+    assert all(abs(place - number) < 2 * 6 for place, number in enumerate(order))
+
+
+def test_a_worker_that_is_lost_in_a_batch_costs_the_others_nothing(monkeypatch):
+    done, lost = [], []
+
+    async def work(job):
+        if job["number"] == 2 and not lost:
+            lost.append(job)
+            raise ray.exceptions.ActorDiedError()
+        done.append(job["number"])
+        return await actors._done(job)
+
+    actors = Actors(monkeypatch, work=work, node=lambda _: 0, slots=5)
+    asyncio.run(actors.give(*((number, 0) for number in range(5))))
+    assert sorted(done) == list(range(5)) and sorted(said["done"]["number"] for said in actors.said) == list(range(5))
+    # The one that is ready first takes the job.
+    assert lost and actors.alive == actors.started - 1 and len(actors.relays) == 1
+
+
+def test_the_jobs_of_a_machine_that_is_lost_are_done_elsewhere(monkeypatch):
+    async def work(job):
+        # What runs on the first machine has no end.
+        if job["actor"] % 2:
+            await asyncio.sleep(3600)
+        return await actors._done(job)
+
+    async def study():
+        actors.put(*((number, 0) for number in range(6)))
+        while len(actors.said) < 3 or len(actors.relays) < 2:
+            await asyncio.sleep(0.001)
+        first = next(hub.handle for hub in actors.pool._hubs.values() if any(actor.job for actor in hub.actors.values()))
+        actors._node = lambda number: 1
+        actors.started += actors.started % 2
+        monkeypatch.setattr(actors, "_worker", even)
+        first.lose()
+        await actors.give((6, 0))
+
+    def even(*_):
+        actors.started += 2
+        actors.alive += 1
+        return Handle(actors.started, actors)
+
+    actors = Actors(monkeypatch, work=work, node=lambda number: number % 2, slots=6)
+    asyncio.run(asyncio.wait_for(study(), 60))
+    assert sorted(said["done"]["number"] for said in actors.said) == list(range(7))
+    assert sorted(actors.pool._numbers + [actor.number for actor in actors.pool._actors]) == list(range(6))
+
+
+def test_a_job_with_which_machines_are_lost_again_and_again_is_answered_as_lost(monkeypatch):
+    async def work(job):
+        actors.relays[-1].lose()
+        await asyncio.sleep(3600)
+
+    actors = Actors(monkeypatch, work=work, slots=1)
+    asyncio.run(actors.give((3, 0)))
+    (said,) = actors.said
+    sentence = "a worker of the cluster was lost 3 times over it (the last: The actor died unexpectedly before finishing this task)"
+    assert said == {"done": {"number": 3, "answer": {"failed": {"kind": "lost", "message": sentence}}}} and len(actors.relays) == 3
+
+
+def test_machines_share_relays_if_there_are_many(monkeypatch):
+    monkeypatch.setattr("pdk_perturb.ray.RELAYS", 2)
+    actors = Actors(monkeypatch, slots=6)
+    asyncio.run(actors.give(*((number, 0) for number in range(6))))
+    assert (len(actors.relays), actors.started, len(actors.said)) == (2, 6, 6)
+    assert sorted(len(hub.actors) for hub in set(actors.pool._hubs.values())) == [3, 3]
+
+
+def test_traces_are_there_before_their_answers(monkeypatch, tmp_path):
+    async def work(job):
+        said, _, _ = await actors._done(job)
+        return said, str(job["number"]).encode(), False
+
+    def say(text):
+        for line in map(json.loads, text.splitlines()):
+            number = line["done"]["number"]
+            assert (tmp_path / f"{number}.mcap").read_text() == str(number)
+            actors.said.append(line)
+
+    async def study():
+        actors.pool.take(
+            json.dumps({"job": {"number": number, "slot": 0, "work": {"drive": {"trace": str(tmp_path / f"{number}.mcap")}}}}).encode()
+            for number in range(20)
+        )
+        while len(actors.said) < 20:
+            await asyncio.sleep(0.001)
+
+    actors = Actors(monkeypatch, work=work, node=lambda _: 0)
+    actors.pool._say = say
+    asyncio.run(asyncio.wait_for(study(), 60))
+    assert len(list(tmp_path.iterdir())) == 20
+
+
+def test_a_relay_that_misses_jobs_reports_that(monkeypatch):
+    monkeypatch.setattr(_ray_worker, "LONGEST", 0.01)
+
+    async def study():
+        relay = Relay()
+        assert await relay.take(0, 0) == []
+        with pytest.raises(_ray_worker.Missing, match="2 jobs"):
+            await relay.take(2, 0)
+
+    asyncio.run(study())
+
+
+def test_traces_come_a_few_at_a_time_if_they_are_large(monkeypatch):
+    monkeypatch.setattr(_ray_worker, "MOST", 20)
+    worker = SimpleNamespace(work=Method(lambda line, slot, files, blobs: asyncio.sleep(0, ("done", b"x" * 8, False))))
+
+    async def study():
+        relay = Relay()
+        await relay.give([(slot, worker, b"", (), {}) for slot in range(7)])
+        while len(relay._finished) < 7:
+            await asyncio.sleep(0)
+        return [len(await relay.take(7, 0)) for _ in range(3)]
+
+    assert asyncio.run(study()) == [3, 3, 1]
+
+
+def test_a_job_shows_whether_it_needs_a_gpu_or_files(monkeypatch, tmp_path):
+    (tmp_path / "mask.png").write_bytes(b"mask")
+    actors = Actors(monkeypatch, chosen=())
+    drive = {"simulator": {"name": "lane"}, "driver": {"name": "lane_keeper"}, "perturbations": [{"name": "fog_filter", "level": 1}]}
+
+    def read(**more):
+        return actors.pool._read(json.dumps({"job": {"number": 0, "slot": 0, "work": {"drive": {"scenario": {**drive, **more}}}}}).encode())
+
+    assert read() == (0.0, ())
+    assert read(driver={"name": "process", "parameters": {"command": ["pilot"], "gpus": 0.5}}) == (0.5, [])
+    group, files = read(perturbations=[{"name": "fog_filter", "level": 1, "region": {"mask": str(tmp_path / "mask.png")}}])
+    assert group == 0.0 and [told["name"] for _, told in files] == ["mask.png"]
 
 
 def test_a_mistake_is_one_sentence(cluster, study):
