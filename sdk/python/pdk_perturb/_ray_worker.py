@@ -90,12 +90,14 @@ class Worker:
         job["job"]["slot"] = slot
         drive = job["job"]["work"].get("drive")
         contents = drive["scenario"].get("files", {}) if drive else {}
+        moved = {}
         for steps, told in files:
             placed = self._place(told, blobs)
             named = _put(job, steps, placed)
             if named in contents:
-                contents[placed] = contents.pop(named)
-            else:
+                contents[placed], moved[named] = contents.pop(named), placed
+            # A file may be named several times.
+            elif moved.get(named) != placed:
                 # A word of a command: with another path there, the scenario has another id here, for which the worker would refuse it.
                 job["job"].pop("scenario", None)
         if drive and drive.get("trace") and not self._shared:
@@ -207,7 +209,9 @@ def ended(raised):
 
 def reason(raised):
     """Why an actor is gone: the first sentence of the last line. Before it come tracebacks and lists of ids, and then advice."""
-    return str(getattr(raised, "cause", raised)).strip().splitlines()[-1].strip().partition(". ")[0].rstrip(".")
+    cause = getattr(raised, "cause", raised)
+    lines = str(cause).strip().splitlines() or [type(cause).__name__]
+    return lines[-1].strip().partition(". ")[0].rstrip(".")
 
 
 def _put(value, steps, replaced):

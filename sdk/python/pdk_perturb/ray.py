@@ -15,6 +15,7 @@ This is a pool as docs/worker-protocol.md describes it, on standard input and ou
 import argparse
 import asyncio
 import heapq
+import itertools
 import json
 import os
 import subprocess
@@ -31,6 +32,8 @@ from pdk_perturb._ray_worker import Relay, Worker, reason
 
 #: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
+#: How many relays may be lost over a job, beside its workers.
+RELAYS_LOST = 10
 #: After this many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
 ROOM = 5.0
 #: This many seconds lie between two questions to the head of the cluster.
@@ -236,14 +239,16 @@ def connect(ray, chosen, say):
 
 
 class Job:
-    """A job: its line, its files, and how often it was given away."""
+    """A job: its line, its files, how often it was given away, which one that was of all, and how many relays were lost over it."""
 
-    __slots__ = ("line", "files", "tries")
+    __slots__ = ("line", "files", "tries", "given", "relays")
 
     def __init__(self, line, files):
         self.line = line
         self.files = files
         self.tries = 0
+        self.given = 0
+        self.relays = 0
 
 
 class Actor:
@@ -315,6 +320,8 @@ class Pool:
         self._writers = ThreadPoolExecutor(WRITERS)
         #: Numbers that no actor has, the smallest first: a worker's ports are derived from its number.
         self._numbers = list(range(slots))
+        #: Counts the times that jobs were given away.
+        self._given = itertools.count()
         self._running = set()
         self._listening = set()
         #: How many starts failed, one behind the other.
@@ -363,6 +370,7 @@ class Pool:
         while group.waiting and group.idle:
             actor, job = group.idle.pop(), group.waiting.popleft()
             job.tries += 1
+            job.given = next(self._given)
             actor.job = job
             handle = None if actor.is_known else actor.handle
             actor.is_known = True
@@ -588,9 +596,14 @@ class Pool:
         for group in self._groups.values():
             group.idle = [actor for actor in group.idle if actor.hub is not hub]
         # The ones that were given away first come first again.
-        for actor in reversed(list(hub.actors.values())):
+        actors = sorted(hub.actors.values(), key=lambda actor: actor.job.given if actor.job else 0, reverse=True)
+        for actor in actors:
             self._lose(actor)
             if actor.job is not None:
+                # Its worker was not lost, as far as anyone knows.
+                actor.job.relays += 1
+                if actor.job.relays <= RELAYS_LOST:
+                    actor.job.tries -= 1
                 self._again(actor.group, actor.job, why)
         self._ray.kill(hub.handle)
         self._give_all()

@@ -131,6 +131,11 @@ pub trait Operation: Send {
     /// If it cannot.
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()>;
 
+    /// The number of elements that it keeps beside its outputs.
+    fn kept(&self) -> usize {
+        0
+    }
+
     /// Whether what it computes are elements of their type already.
     fn is_rounded(&self) -> bool {
         false

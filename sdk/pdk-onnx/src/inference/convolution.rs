@@ -345,6 +345,16 @@ fn by_rows(places: Vec<Place>, filters: usize, step: usize) -> Places {
 }
 
 impl<N: Number> Convolution<N> {
+    /// The number of results.
+    pub fn results(&self) -> usize {
+        self.batch * self.group * self.filters * self.plane
+    }
+
+    /// The number of elements that are kept from one image to the next.
+    pub fn kept(&self) -> usize {
+        self.laid_out.len()
+    }
+
     /// Convolves an image; the weights have been packed.
     ///
     /// # Errors
@@ -383,6 +393,10 @@ impl<N: Number> Convolution<N> {
 }
 
 impl Operation for Convolution {
+    fn kept(&self) -> usize {
+        Self::kept(self)
+    }
+
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         if !self.is_constant {
             let weights = single(inputs, 1)?;

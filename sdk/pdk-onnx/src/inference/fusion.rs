@@ -1,16 +1,17 @@
 //! Quantised networks whose convolutions and products of matrices are written in floats: between `DequantizeLinear` and `QuantizeLinear`.
 //!
 //! They are computed in integers, as other runtimes do it: what goes in is what stands before `DequantizeLinear`, and if `QuantizeLinear` is all
-//! that follows, or `Relu` and then that, the sums become integers at once. Real numbers would give the same; in floats, sums are
-//! rounded on the way, so that a result near a tie may be another integer.
+//! that follows, or `Relu` and then that, the sums become integers at once. Real numbers would give the same; floats are rounded on the
+//! way, so that a result near a tie may be another integer.
 
 use std::collections::HashMap;
 
 use pdk_sdk::error::Result;
 
 use super::buffer::singles;
+use super::plan::check;
 use super::quantisation::Range;
-use super::quantised::{Finish, Quantised, To, Zero, is_byte};
+use super::quantised::{Finish, Quantised, To, Zero, are_of, is_byte};
 use crate::graph::Graph;
 use crate::proto::NodeProto;
 use crate::site::{Site, axis};
@@ -26,16 +27,14 @@ pub struct Fusion<'a> {
     pub nodes: Vec<usize>,
 }
 
-/// The nodes of a graph that are computed together, by the place of the last one.
-///
-/// # Errors
-/// If a node contradicts itself.
-pub fn all<'a>(graph: &'a Graph, needed: &[bool]) -> Result<HashMap<usize, Fusion<'a>>> {
+/// The nodes of a graph that are computed together, by the place of the last one. Nodes that contradict themselves are not among them,
+/// and are refused when they are planned one by one.
+pub fn all<'a>(graph: &'a Graph, needed: &[bool]) -> HashMap<usize, Fusion<'a>> {
     let nodes = || graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]);
     let mut fusions = HashMap::new();
     // Bodies of control flow may use any value, without naming it in the node.
     if nodes().any(|(_, node)| node.attribute.iter().any(|a| a.g.is_some() || !a.graphs.is_empty())) {
-        return Ok(fusions);
+        return fusions;
     }
     let mut users: HashMap<&str, Vec<Option<usize>>> = HashMap::new();
     for (place, node) in nodes() {
@@ -43,11 +42,11 @@ pub fn all<'a>(graph: &'a Graph, needed: &[bool]) -> Result<HashMap<usize, Fusio
     }
     graph.outputs().iter().for_each(|name| users.entry(name).or_default().push(None));
     for (place, _) in nodes() {
-        if let Some(fusion) = (Search { graph, users: &users }).fusion(place)? {
+        if let Ok(Some(fusion)) = (Search { graph, users: &users }).fusion(place) {
             fusions.insert(fusion.nodes[fusion.nodes.len() - 1], fusion);
         }
     }
-    Ok(fusions)
+    fusions
 }
 
 /// The nodes that are still needed to compute the outputs.
@@ -99,6 +98,11 @@ impl<'a> Search<'a, '_> {
         let (Some(left), Some(right)) = (self.dequantised(&site, 0)?, self.dequantised(&site, 1)?) else {
             return Ok(None);
         };
+        let (nodes, to) = self.end(place, &site)?;
+        // Before anything is made of sizes that a file only declares.
+        for node in nodes.iter().map(|place| &self.graph.nodes()[*place]) {
+            check(self.graph, &Site::new(&self.graph.values, node))?;
+        }
         let ([left_scale], [left_zero], true) =
             (left.scales.as_slice(), left.zeros.as_slice(), is_plain && !left.shape.is_empty())
         else {
@@ -113,23 +117,28 @@ impl<'a> Search<'a, '_> {
         }
         let factors: Vec<f32> = right.scales.iter().map(|scale| left_scale * scale).collect();
         let count = right.shape.get(outputs).copied().unwrap_or(1);
-        let Some(bias) = self.bias(&site, &factors, count)? else { return Ok(None) };
-
-        let (nodes, to) = self.end(place, &site)?;
+        let Some(bias) = self.bias(&site, count)? else { return Ok(None) };
         let plane = site.output_shape()?.get(2..).unwrap_or_default().iter().product();
-        let factors = match to {
+        // A bias that was quantised is whole in steps of the sums, up to what its factor was rounded by; any other is added to the results.
+        let whole = whole(&bias, &factors);
+        let (bias, terms) = match whole {
+            Some(whole) => (whole, Vec::new()),
+            None => (Vec::new(), bias),
+        };
+        let (factors, terms) = match to {
             To::Range(_) => {
                 let scale = self.number(&self.graph.nodes()[nodes[nodes.len() - 1]], 1)?.unwrap_or(f32::NAN);
-                factors.iter().map(|factor| factor / scale).collect()
+                let scaled = |numbers: Vec<f32>| numbers.iter().map(|number| number / scale).collect();
+                (scaled(factors), scaled(terms))
             }
-            _ => factors,
+            _ => (factors, terms),
         };
-        let finish = Finish { to, factors, length: if is_convolution { plane } else { 1 } };
+        let finish = Finish { to, factors, terms, length: if is_convolution { plane } else { 1 } };
         if !finish.is_finite() {
             return Ok(None);
         }
         let zero = Zero::Known(*left_zero);
-        let constant = self.graph.constant(right.name)?;
+        let constant = self.constant(right.name)?;
         let mut inputs = vec![left.name];
         let operation = match (is_convolution, constant) {
             (true, Some(kernel)) => {
@@ -141,7 +150,7 @@ impl<'a> Search<'a, '_> {
                 let shapes = [left.shape, matrix.shape.as_slice()];
                 Quantised::matrices(shapes, Some((&matrix, &right.zeros)), (1, 0.0), &bias, zero, finish)?
             }
-            (false, None) if is_turned || right.zeros.len() > 1 => return Ok(None),
+            (false, None) if is_turned || right.zeros.len() != 1 => return Ok(None),
             (false, None) => {
                 inputs.push(right.name);
                 let shapes = [left.shape, right.shape];
@@ -161,6 +170,7 @@ impl<'a> Search<'a, '_> {
         if node.op_type != "DequantizeLinear" || site.int("block_size", 0) != 0 {
             return Ok(None);
         }
+        check(self.graph, &site)?;
         let (integers, result) = (site.fact(0)?, site.fact_of_output()?);
         let (Some(scales), zeros) = (self.known(node, 1)?, self.known(node, 2)?) else { return Ok(None) };
         let is_known = zeros.is_some() || site.optional(2).is_none();
@@ -174,7 +184,8 @@ impl<'a> Search<'a, '_> {
             1 => 0,
             _ => axis(site.int("axis", 1), integers.shape.len())?,
         };
-        Ok((zeros.len() == scales.values.len()).then(|| Dequantised {
+        let fits = zeros.len() == scales.values.len() && are_of(integers.element, &zeros);
+        Ok(fits.then(|| Dequantised {
             name: node.input[0].as_str(),
             shape: &integers.shape,
             scales: singles(&scales),
@@ -183,25 +194,14 @@ impl<'a> Search<'a, '_> {
         }))
     }
 
-    /// What is added to the sums, as integers. Nothing if it is not constant, not one number for each output, or too large.
-    fn bias(&self, site: &Site<'_>, factors: &[f32], count: usize) -> Result<Option<Vec<i32>>> {
-        if site.optional(2).is_none() {
+    /// What is added to the sums. Nothing if it is not constant, or not one number for each output.
+    fn bias(&self, site: &Site<'_>, count: usize) -> Result<Option<Vec<f32>>> {
+        if site.node.op_type == "MatMul" || site.optional(2).is_none() {
             return Ok(Some(Vec::new()));
         }
-        let bias = match self.known(site.node, 2)? {
-            Some(bias) if bias.values.len() == count && bias.shape.last() == Some(&count) => bias,
-            _ => return Ok(None),
-        };
-        let mut integers = Vec::new();
-        for (value, factor) in bias.values.iter().zip(factors.iter().cycle()) {
-            let steps = (value / f64::from(*factor)).round_ties_even();
-            // So that no sum with it wraps.
-            if steps.is_nan() || steps.abs() > f64::from(1 << 30) {
-                return Ok(None);
-            }
-            integers.push(steps as i32);
-        }
-        Ok(Some(integers))
+        let bias = self.known(site.node, 2)?;
+        let fits = |bias: &Tensor| bias.values.len() == count && bias.shape.last() == Some(&count);
+        Ok(bias.filter(|bias| fits(bias)).map(|bias| singles(&bias)))
     }
 
     /// The nodes from a sum to what its results become.
@@ -222,10 +222,18 @@ impl<'a> Search<'a, '_> {
                         None => Some(0.0),
                     };
                     let range = zero.and_then(|zero| Range::of(element, zero));
-                    let (Some(mut range), Some(_), true) = (range, self.number(node, 1)?, is_byte(element))
+                    let (Some(mut range), Some(scale), true) =
+                        (range, self.number(node, 1)?, is_byte(element))
                     else {
                         return Ok(floats);
                     };
+                    if !are_of(element, &[range.zero]) {
+                        return Ok(floats);
+                    }
+                    // With another scale, the larger floats become the smaller integers, if any.
+                    if is_cut && !(scale > 0.0) {
+                        return Ok(floats);
+                    }
                     if is_cut {
                         range.bounds[0] = range.bounds[0].max(range.zero);
                     }
@@ -239,9 +247,17 @@ impl<'a> Search<'a, '_> {
     /// A constant input of a node.
     fn known(&self, node: &NodeProto, place: usize) -> Result<Option<std::sync::Arc<Tensor>>> {
         match node.input.get(place).filter(|name| !name.is_empty()) {
-            Some(name) => self.graph.constant(name),
+            Some(name) => self.constant(name),
             None => Ok(None),
         }
+    }
+
+    /// A constant as its type has it; the graph keeps more digits of what it computes.
+    fn constant(&self, name: &str) -> Result<Option<std::sync::Arc<Tensor>>> {
+        Ok(self.graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
+            true => tensor,
+            false => std::sync::Arc::new(Tensor::clone(&tensor).rounded()),
+        }))
     }
 
     /// The one number of a constant input.
@@ -249,6 +265,18 @@ impl<'a> Search<'a, '_> {
         let one = |tensor: &Tensor| (tensor.values.len() == 1).then(|| tensor.values[0] as f32);
         Ok(self.known(node, place)?.and_then(|tensor| one(&tensor)))
     }
+}
+
+/// Terms as whole numbers of steps of the sums, if each is within a thousandth of one.
+fn whole(terms: &[f32], factors: &[f32]) -> Option<Vec<i32>> {
+    let steps = terms.iter().zip(factors.iter().cycle()).map(|(term, factor)| {
+        let steps = f64::from(*term) / f64::from(*factor);
+        let whole = steps.round_ties_even();
+        let near = (steps - whole).abs() <= 1e-3f64.max(whole.abs() * f64::from(f32::EPSILON));
+        // Sums have to have room for it.
+        (near && whole.abs() <= f64::from(1 << 30)).then_some(whole as i32)
+    });
+    steps.collect()
 }
 
 /// A matrix whose rows are the columns of another.

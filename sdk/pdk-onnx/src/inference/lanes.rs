@@ -68,7 +68,7 @@ pub trait Pair<N = f32>: Copy {
     /// They have to be readable from `place` on.
     unsafe fn load(place: *const N) -> Self;
 
-    /// `self * factor + sum`, rounded once.
+    /// `self * factor + sum`, rounded once; of integers, the sum of both products and of `sum`.
     fn multiply_add(self, factor: Self, sum: Self) -> Self;
 
     /// The numbers.
@@ -115,7 +115,7 @@ pub trait Lanes<N = f32>: Copy {
     /// They have to be readable from `place` on.
     unsafe fn load(place: *const N) -> Self;
 
-    /// `self * factor + sum`, rounded once.
+    /// `self * factor + sum`, rounded once; of integers, the sum of both products and of `sum`.
     fn multiply_add(self, factor: Self, sum: Self) -> Self;
 
     /// The numbers.
@@ -372,6 +372,10 @@ pub fn dispatch<N: Number>(work: impl Work<N>) {
 
 /// Whether a pair is one register on this processor, which then also computes with twice as many 64-bit floats at a time.
 pub fn has_wide_lanes() -> bool {
+    #[cfg(test)]
+    if LEVEL.get() < Level::Avx512 {
+        return false;
+    }
     #[cfg(target_arch = "x86_64")]
     return is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512bw")

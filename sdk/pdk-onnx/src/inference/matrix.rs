@@ -86,6 +86,11 @@ impl<N: Number> Matrices<N> {
         self
     }
 
+    /// The number of results.
+    pub fn results(&self) -> usize {
+        self.stacks.len() * self.rows * self.columns
+    }
+
     /// Packs the right matrices.
     pub fn pack(&mut self, values: &[N]) {
         for (packed, first) in self.packed.iter_mut().zip(&self.starts) {

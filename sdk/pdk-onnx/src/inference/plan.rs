@@ -68,7 +68,7 @@ pub fn program(graph: Graph) -> Result<Program> {
     if !unknown.is_empty() {
         return Err(Error::new(format!("these operators are not known: {}", unknown.join(", "))));
     }
-    let mut fusions = fusion::all(&graph, &needed)?;
+    let mut fusions = fusion::all(&graph, &needed);
     let needed = fusion::needed(&graph, &fusions);
     let mut steps = Vec::new();
     for (place, node) in graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]) {
@@ -172,11 +172,7 @@ impl<'a> Plan<'a> {
     /// How nodes that belong together are computed.
     fn fused(&mut self, fusion: Fusion<'a>) -> Result<Step> {
         let graph = self.graph;
-        let nodes = || fusion.nodes.iter().map(|place| &graph.nodes()[*place]);
-        for node in nodes() {
-            check(graph, &Site::new(&graph.values, node)).map_err(|error| error.at(describe(node)))?;
-        }
-        let outputs = nodes().next_back().map_or(&[][..], |last| &last.output);
+        let outputs = fusion.nodes.last().map_or(&[][..], |last| &graph.nodes()[*last].output);
         self.step_of(Box::new(fusion.operation), fusion.inputs.iter().copied(), outputs)
     }
 
@@ -262,7 +258,9 @@ impl<'a> Plan<'a> {
             done.dedup();
             free.extend(done.iter().map(|value| places[*value]));
         }
-        let total = buffers.iter().fold(0usize, |total, (_, count)| total.saturating_add(*count));
+        let counts = buffers.iter().map(|(_, count)| *count);
+        let kept = steps.iter().map(|step| step.operation.kept());
+        let total = counts.chain(kept).fold(0usize, usize::saturating_add);
         if total > MOST {
             return Err(Error::new(format!(
                 "its values have {} million elements at a time, and may have {}",
@@ -311,7 +309,7 @@ fn count_of(fact: &Fact) -> Result<usize> {
 
 /// Checks that a node computes what the graph knows of its outputs. Where a rule refuses a node, the graph takes what the file declares, which
 /// nothing here could rely on.
-fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
+pub fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
     let facts = (operators::known(site.node)?.shapes.infer)(site)?;
     for (place, name) in site.node.output.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
         let known = graph.fact(name)?;

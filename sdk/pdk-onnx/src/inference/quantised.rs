@@ -15,8 +15,11 @@ use crate::operators::matmul;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, elements};
 
-/// The most products of a sum: as many of the largest as fit 32 bits.
-const MOST: usize = (i32::MAX / (255 * 255)) as usize;
+/// Whether the sum of this many products and any of these terms fits 32 bits, whatever the factors.
+fn fits(products: usize, terms: &[i32]) -> bool {
+    let most = terms.iter().map(|term| u64::from(term.unsigned_abs())).max().unwrap_or(0);
+    (products as u64).saturating_mul(255 * 255).saturating_add(most) <= i32::MAX as u64
+}
 
 /// A convolution or a product of matrices.
 pub struct Quantised {
@@ -24,10 +27,11 @@ pub struct Quantised {
     left: Left,
     right: Option<Right>,
     finish: Finish,
-    /// The factors of the left side, of the right one if it is computed, and the sums.
+    /// The factors of the left side, of the right one if it is computed, and the sums; and how many there are while the graph runs.
     pairs: Vec<i32>,
     right_pairs: Vec<i32>,
     results: Vec<i32>,
+    counts: [usize; 3],
 }
 
 enum Sums {
@@ -68,6 +72,8 @@ pub struct Finish {
     pub to: To,
     /// The factor of each channel or column; a single one is for all.
     pub factors: Vec<f32>,
+    /// What is added to the product with the factor, if anything is.
+    pub terms: Vec<f32>,
     /// How many neighbouring sums share a factor: the elements of a channel, or 1 for columns.
     pub length: usize,
 }
@@ -99,8 +105,8 @@ impl Quantised {
         finish: Finish,
     ) -> Result<Option<Self>> {
         let &[filters, depth, ..] = kernel.shape.as_slice() else { return Ok(None) };
-        let places: usize = kernel.shape[2..].iter().product();
-        if depth.saturating_mul(places) > MOST {
+        let places = elements(&kernel.shape[2..])?;
+        if !fits(depth.saturating_mul(places), bias) {
             return Ok(None);
         }
         let halved = depth.div_ceil(2);
@@ -133,7 +139,7 @@ impl Quantised {
     ) -> Result<Option<Self>> {
         let [mut a, mut b] = matmul::matrices(left, right)?;
         let (depth, columns) = (a[a.len() - 1], b[b.len() - 1]);
-        if depth > MOST || depth == 0 {
+        if !fits(depth, bias) || depth == 0 {
             return Ok(None);
         }
         let (left_count, right_count) = (elements(&a)?, elements(&b)?);
@@ -158,7 +164,7 @@ impl Quantised {
             finish,
         )?;
         if constant.is_none() {
-            quantised.right_pairs = vec![0; right_count.div_ceil(depth) * halved];
+            quantised.counts[1] = elements(&[right_count / depth, halved])?;
         }
         Ok(Some(quantised))
     }
@@ -166,8 +172,14 @@ impl Quantised {
     fn new(sums: Sums, left: Left, right: Option<Right>, finish: Finish) -> Result<Self> {
         // A channel or row of an odd number of elements has half a factor more.
         let groups = left.count / (left.depth * left.plane).max(1);
-        let pairs = vec![0; elements(&[groups, left.depth.div_ceil(2), left.plane])?];
-        Ok(Self { sums, left, right, finish, pairs, right_pairs: Vec::new(), results: Vec::new() })
+        let pairs = elements(&[groups, left.depth.div_ceil(2), left.plane])?;
+        let results = match &sums {
+            Sums::Convolution(convolution) => convolution.results(),
+            Sums::Matrices(matrices) => matrices.results(),
+        };
+        let counts = [pairs, 0, results];
+        let (pairs, right_pairs, results) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { sums, left, right, finish, pairs, right_pairs, results, counts })
     }
 
     /// The node of one of the operators, if its factors, zero points and weights are constant as far as they have to be.
@@ -188,10 +200,15 @@ impl Quantised {
             Some(tensor) if tensor.values.len() == 1 => Some(tensor.values[0] as f32),
             _ => None,
         };
+        let (element, right_element) = (site.fact(0)?.element, site.fact(right)?.element);
         let zero = match (site.optional(left_zero), one(left_zero)) {
             (None, _) => Zero::Known(0.0),
-            (_, Some(zero)) => Zero::Known(zero),
-            (Some(_), None) if site.shape(left_zero)?.iter().product::<usize>() == 1 => {
+            (_, Some(zero)) if are_of(element, &[zero]) => Zero::Known(zero),
+            (Some(_), None) => {
+                let fact = site.fact(left_zero)?;
+                if known(left_zero).is_some() || fact.element != element || elements(&fact.shape)? != 1 {
+                    return Ok(None);
+                }
                 Zero::Input(left_zero)
             }
             _ => return Ok(None),
@@ -201,6 +218,9 @@ impl Quantised {
             (_, Some(zeros)) => singles(zeros),
             _ => return Ok(None),
         };
+        if zeros.is_empty() || !are_of(right_element, &zeros) {
+            return Ok(None);
+        }
         let (left_shape, right_shape) = (site.shape(0)?, site.shape(right)?);
         let results = site.output_shape()?;
         // The number of factors that there may be, and how many neighbouring results share one.
@@ -208,7 +228,7 @@ impl Quantised {
             true => (right_shape[0], results[2..].iter().product()),
             false => (if right_shape.len() > 1 { right_shape[right_shape.len() - 1] } else { 1 }, 1),
         };
-        let fits = |found: usize| found == 1 || found == count;
+        let are_fitting = |found: usize| found == 1 || found == count;
         let (to, factors) = if is_scaled {
             let (Some(left_scale), Some(right_scales), Some(scale), Some(zero)) =
                 (one(1), known(4), one(6), one(7))
@@ -221,18 +241,22 @@ impl Quantised {
         } else {
             (To::Sums, vec![1.0])
         };
-        let bias = match (site.optional(8), known(8)) {
+        let bias = match (site.optional(8).filter(|_| site.node.op_type == "QLinearConv"), known(8)) {
             (None, _) => Vec::new(),
-            (_, Some(bias)) if bias.element == Element::INT32 => {
+            (_, Some(bias)) if bias.element == Element::INT32 && bias.values.len() == count => {
                 bias.values.iter().map(|&value| value as i32).collect()
             }
             _ => return Ok(None),
         };
-        let finish = Finish { to, factors, length };
+        let finish = Finish { to, factors, terms: Vec::new(), length };
         let is_list = |shape: &[usize]| shape.len() <= 1;
         let lists = [right_zero, if is_scaled { 4 } else { right_zero }];
         let are_lists = lists.iter().all(|&place| known(place).is_none_or(|tensor| is_list(&tensor.shape)));
-        if !fits(zeros.len()) || !fits(finish.factors.len()) || !are_lists || !finish.is_finite() {
+        if !are_fitting(zeros.len())
+            || !are_fitting(finish.factors.len())
+            || !are_lists
+            || !finish.is_finite()
+        {
             return Ok(None);
         }
         match (is_convolution, known(right)) {
@@ -261,9 +285,9 @@ impl Right {
 }
 
 impl Finish {
-    /// Whether all factors are finite: sums of 0 with others would not be numbers.
+    /// Whether all factors and terms are finite: results of others would not be numbers.
     pub fn is_finite(&self) -> bool {
-        self.factors.iter().all(|factor| factor.is_finite())
+        self.factors.iter().chain(&self.terms).all(|number| number.is_finite())
     }
 }
 
@@ -282,7 +306,7 @@ impl Pairs<'_> {
     }
 }
 
-/// A whole number of less than 24 bits as an integer, without what conversions do about others.
+/// A whole number of at most 2^22 as an integer, without what conversions do about others.
 #[inline(always)]
 fn integer(value: f32) -> i32 {
     const WHOLE: f32 = 12_582_912.0;
@@ -331,26 +355,39 @@ struct Results<'a> {
     into: &'a mut [f32],
 }
 
+impl Results<'_> {
+    /// One of them.
+    #[inline(always)]
+    fn result(range: Option<Range>, sum: i32, factor: f32, term: f32) -> f32 {
+        let scaled = sum as f32 * factor + term;
+        range.map_or(scaled, |range| range.nearest(scaled))
+    }
+}
+
 impl Work for Results<'_> {
     #[inline(always)]
     fn with<L: Lanes>(self) {
-        let Self { sums, finish: Finish { factors, length, .. }, range, into } = self;
-        if let (1, false) = (*length, factors.len() == 1) {
-            for (into, sums) in into.chunks_mut(factors.len()).zip(sums.chunks(factors.len())) {
+        let Self { sums, finish: Finish { factors, terms, length, .. }, range, into } = self;
+        let count = factors.len().max(terms.len()).max(1);
+        // -0 leaves every other number as it is.
+        let of = |numbers: &[f32], at: usize, without: f32| match numbers {
+            [] => without,
+            [one] => *one,
+            numbers => numbers[at],
+        };
+        if *length == 1 && count > 1 && factors.len() == count && terms.is_empty() {
+            for (into, sums) in into.chunks_mut(count).zip(sums.chunks(count)) {
                 for ((into, &sum), factor) in into.iter_mut().zip(sums).zip(factors) {
-                    let scaled = sum as f32 * factor;
-                    *into = range.map_or(scaled, |range| range.nearest(scaled));
+                    *into = Self::result(range, sum, *factor, -0.0);
                 }
             }
             return;
         }
-        let length = if factors.len() == 1 { sums.len() } else { *length };
-        let rows = into.chunks_mut(length.max(1)).zip(sums.chunks(length.max(1)));
-        for ((into, sums), factor) in rows.zip(factors.iter().cycle()) {
-            for (into, &sum) in into.iter_mut().zip(sums) {
-                let scaled = sum as f32 * factor;
-                *into = range.map_or(scaled, |range| range.nearest(scaled));
-            }
+        let length = if count == 1 { sums.len().max(1) } else { (*length).max(1) };
+        let rows = into.chunks_mut(length).zip(sums.chunks(length));
+        for ((into, sums), at) in rows.zip((0..count).cycle()) {
+            let (factor, term) = (of(factors, at, 1.0), of(terms, at, -0.0));
+            into.iter_mut().zip(sums).for_each(|(into, &sum)| *into = Self::result(range, sum, factor, term));
         }
     }
 }
@@ -360,14 +397,23 @@ impl Operation for Quantised {
         true
     }
 
+    fn kept(&self) -> usize {
+        let layout = match &self.sums {
+            Sums::Convolution(convolution) => convolution.kept(),
+            Sums::Matrices(_) => 0,
+        };
+        self.counts.iter().fold(layout, |all, count| all.saturating_add(*count))
+    }
+
     fn run(&mut self, inputs: &[Option<&Buffer>], outputs: &mut [Buffer]) -> Result<()> {
         let Left { depth, plane, zero, .. } = self.left;
         let zero = match zero {
             Zero::Known(zero) => zero,
             Zero::Input(place) => single(inputs, place)?[0],
         };
+        self.pairs.resize(self.counts[0], 0);
+        self.results.resize(self.counts[2], 0);
         Pairs { from: single(inputs, 0)?, zero, depth, plane, into: &mut self.pairs }.compute();
-        self.results.resize(outputs[0].len(), 0);
         match &mut self.sums {
             Sums::Convolution(convolution) => convolution.convolve(&self.pairs, &mut self.results)?,
             Sums::Matrices(matrices) => {
@@ -394,6 +440,13 @@ impl Operation for Quantised {
         });
         Ok(())
     }
+}
+
+/// Whether numbers are integers of a type. Others are not zero points, whatever the file says.
+pub fn are_of(element: Element, values: &[f32]) -> bool {
+    element.range().is_some_and(|(low, high)| {
+        values.iter().all(|value| (low as f32..=high as f32).contains(value) && value.fract() == 0.0)
+    })
 }
 
 /// Whether integers of a type have 8 bits.
