@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use pdk_sdk::error::Result;
 
 use super::buffer::singles;
-use super::plan::check;
+use super::declared::check;
 use super::quantisation::Range;
 use super::quantised::{Finish, Quantised, To, Zero, are_of, is_byte};
 use crate::graph::Graph;
@@ -231,7 +231,7 @@ impl<'a> Search<'a, '_> {
                         return Ok(floats);
                     }
                     // With another scale, the larger floats become the smaller integers, if any.
-                    if is_cut && !(scale > 0.0) {
+                    if is_cut && (scale <= 0.0 || scale.is_nan()) {
                         return Ok(floats);
                     }
                     if is_cut {

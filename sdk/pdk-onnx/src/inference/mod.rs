@@ -12,6 +12,7 @@ mod choice;
 #[cfg(test)]
 mod comparisons;
 mod convolution;
+mod declared;
 mod elementwise;
 mod error_function;
 mod exponential;

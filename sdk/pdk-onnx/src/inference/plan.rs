@@ -8,6 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use super::buffer::{Buffer, Constants, Operation, is_single};
 use super::choice::Choice;
 use super::convolution::Convolution;
+use super::declared::{check, count_of};
 use super::elementwise::{Binary, Narrowing, Unary};
 use super::extremes::Extremes;
 use super::functions::Smooth;
@@ -30,11 +31,7 @@ use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
 use crate::site::Site;
-use crate::tensor::{Element, Tensor, elements, shape_text};
-use crate::values::Fact;
-
-/// The most elements of a value: far above those of any driver, and a small file can describe values of any size.
-const LARGEST: usize = 1 << 26;
+use crate::tensor::{Element, Tensor};
 
 /// The most elements of all values that are kept at a time.
 const MOST: usize = 1 << 28;
@@ -293,32 +290,6 @@ impl<'a> Plan<'a> {
             buffers: buffers.into_iter().map(room).collect(),
         })
     }
-}
-
-/// The number of elements of a value.
-fn count_of(fact: &Fact) -> Result<usize> {
-    match elements(&fact.shape)? {
-        count if count <= LARGEST => Ok(count),
-        _ => Err(Error::new(format!(
-            "it makes a tensor of the shape {}, and one may have {} million elements",
-            shape_text(&fact.shape),
-            LARGEST >> 20
-        ))),
-    }
-}
-
-/// Checks that a node computes what the graph knows of its outputs. Where a rule refuses a node, the graph takes what the file declares, which
-/// nothing here could rely on.
-pub fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
-    let facts = (operators::known(site.node)?.shapes.infer)(site)?;
-    for (place, name) in site.node.output.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
-        let known = graph.fact(name)?;
-        if facts.get(place) != Some(known) {
-            return Err(Error::new(format!("its output `{name}` is not as the file declares it")));
-        }
-        count_of(known)?;
-    }
-    Ok(())
 }
 
 /// How a node is computed.
