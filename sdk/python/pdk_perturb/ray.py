@@ -32,8 +32,6 @@ from pdk_perturb._ray_worker import Relay, Worker, reason
 
 #: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
-#: How many relays may be lost over a job, beside its workers.
-RELAYS_LOST = 10
 #: After this many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
 ROOM = 5.0
 #: This many seconds lie between two questions to the head of the cluster.
@@ -239,16 +237,15 @@ def connect(ray, chosen, say):
 
 
 class Job:
-    """A job: its line, its files, how often it was given away, which one that was of all, and how many relays were lost over it."""
+    """A job: its line, its files, how often it was given away, and which one that was of all."""
 
-    __slots__ = ("line", "files", "tries", "given", "relays")
+    __slots__ = ("line", "files", "tries", "given")
 
     def __init__(self, line, files):
         self.line = line
         self.files = files
         self.tries = 0
         self.given = 0
-        self.relays = 0
 
 
 class Actor:
@@ -600,10 +597,6 @@ class Pool:
         for actor in actors:
             self._lose(actor)
             if actor.job is not None:
-                # Its worker was not lost, as far as anyone knows.
-                actor.job.relays += 1
-                if actor.job.relays <= RELAYS_LOST:
-                    actor.job.tries -= 1
                 self._again(actor.group, actor.job, why)
         self._ray.kill(hub.handle)
         self._give_all()
