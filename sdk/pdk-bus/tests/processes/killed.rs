@@ -33,10 +33,11 @@ fn plant(file: &Path) {
     OpenOptions::new().write(true).create_new(true).mode(0o200).open(file).unwrap();
 }
 
+/// Does what would wait without end for a process that is gone. The limit is far above what it takes on a machine that is busy with other work.
 fn quick<T>(what: &str, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
-    assert!(start.elapsed() < SECOND, "{what} took {:?}", start.elapsed());
+    assert!(start.elapsed() < SOON, "{what} took {:?}", start.elapsed());
     result
 }
 
@@ -132,7 +133,7 @@ fn taps_killed_while_they_open_hurt_neither_the_loop_nor_other_taps() {
         (0..30).for_each(|_| quick("publishing", || publish(&bus, sequence)));
         let start = Instant::now();
         let mut tap = Tap::open(&run, 0, Topic::Raw, Duration::ZERO).unwrap();
-        assert!(start.elapsed() < 3 * SECOND, "{:?}", start.elapsed());
+        assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
         publish(&bus, sequence);
         assert!(frame(&mut tap, SOON).is_some());
     }
@@ -151,7 +152,7 @@ fn taps_killed_while_they_open_hurt_neither_the_loop_nor_other_taps() {
     publish(&bus, sequence);
     let start = Instant::now();
     let mut tap = Tap::open(&run, 0, Topic::Raw, Duration::ZERO).unwrap();
-    assert!(start.elapsed() < 3 * SECOND, "{:?}", start.elapsed());
+    assert!(start.elapsed() < SOON, "{:?}", start.elapsed());
     assert!(!connection.exists());
     publish(&bus, sequence);
     assert!(frame(&mut tap, SOON).is_some());
