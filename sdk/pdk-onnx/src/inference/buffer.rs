@@ -98,10 +98,11 @@ impl Buffer {
     }
 }
 
+/// 1.5 times 2^23. The floats around it are whole, so that a sum of it and a number of at most 2^22 is rounded to the nearest whole number.
+pub const WHOLE: f32 = 12_582_912.0;
+
 /// Whether all elements are whole numbers between two of at most 16 bits, both included.
 fn are_whole(values: &[f32], [low, high]: [f32; 2]) -> bool {
-    /// The floats around it are whole, so that a sum with it is rounded.
-    const WHOLE: f32 = 12_582_912.0;
     let is_whole = |&value: &f32| {
         let rounded = (value + WHOLE) - WHOLE;
         (rounded.to_bits() == value.to_bits()) & (value >= low) & (value <= high)

@@ -1,11 +1,13 @@
-//! What files declare, held against what nodes compute, before anything is made of it.
+//! What files declare and contain, before anything is made of it.
+
+use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
 use crate::graph::Graph;
 use crate::operators;
 use crate::site::Site;
-use crate::tensor::{elements, shape_text};
+use crate::tensor::{Tensor, elements, shape_text};
 use crate::values::Fact;
 
 /// The most elements of a value: far above those of any driver, and a small file can describe values of any size.
@@ -35,4 +37,12 @@ pub fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
         count_of(known)?;
     }
     Ok(())
+}
+
+/// The elements of a constant as its type has them; the graph keeps more digits of what it computes from constants.
+pub fn constant(graph: &Graph, name: &str) -> Result<Option<Arc<Tensor>>> {
+    Ok(graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
+        true => tensor,
+        false => Arc::new(Tensor::clone(&tensor).rounded()),
+    }))
 }

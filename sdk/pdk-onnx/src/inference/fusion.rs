@@ -5,11 +5,12 @@
 //! way, so that a result near a tie may be another integer.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use pdk_sdk::error::Result;
 
 use super::buffer::singles;
-use super::declared::check;
+use super::declared::{check, constant};
 use super::quantisation::Range;
 use super::quantised::{Finish, Quantised, To, Zero, are_of, is_byte};
 use crate::graph::Graph;
@@ -138,9 +139,9 @@ impl<'a> Search<'a, '_> {
             return Ok(None);
         }
         let zero = Zero::Known(*left_zero);
-        let constant = self.constant(right.name)?;
+        let known = constant(self.graph, right.name)?;
         let mut inputs = vec![left.name];
-        let operation = match (is_convolution, constant) {
+        let operation = match (is_convolution, known) {
             (true, Some(kernel)) => {
                 Quantised::convolution(&site, left.shape, &kernel, &right.zeros, &bias, zero, finish)?
             }
@@ -245,19 +246,11 @@ impl<'a> Search<'a, '_> {
     }
 
     /// A constant input of a node.
-    fn known(&self, node: &NodeProto, place: usize) -> Result<Option<std::sync::Arc<Tensor>>> {
+    fn known(&self, node: &NodeProto, place: usize) -> Result<Option<Arc<Tensor>>> {
         match node.input.get(place).filter(|name| !name.is_empty()) {
-            Some(name) => self.constant(name),
+            Some(name) => constant(self.graph, name),
             None => Ok(None),
         }
-    }
-
-    /// A constant as its type has it; the graph keeps more digits of what it computes.
-    fn constant(&self, name: &str) -> Result<Option<std::sync::Arc<Tensor>>> {
-        Ok(self.graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
-            true => tensor,
-            false => std::sync::Arc::new(Tensor::clone(&tensor).rounded()),
-        }))
     }
 
     /// The one number of a constant input.

@@ -13,9 +13,6 @@ pub const LANES: usize = 8;
 
 /// What lanes hold: 32-bit floats, or 32-bit integers.
 pub trait Number: Copy + Default + Send + 'static {
-    /// The lanes for processors without vector instructions that are used here.
-    type Portable: Lanes<Self>;
-
     /// Those for processors with AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
     type Avx: Lanes<Self>;
@@ -31,10 +28,12 @@ pub trait Number: Copy + Default + Send + 'static {
     /// Whether they are.
     #[cfg(target_arch = "x86_64")]
     const HAS_VNNI: bool;
+
+    /// What a multiply-add computes in a lane.
+    fn multiply_add(a: Self, b: Self, sum: Self) -> Self;
 }
 
 impl Number for f32 {
-    type Portable = Portable<Self>;
     #[cfg(target_arch = "x86_64")]
     type Avx = avx::Avx;
     #[cfg(target_arch = "x86_64")]
@@ -43,10 +42,14 @@ impl Number for f32 {
     type Vnni = avx::Avx512;
     #[cfg(target_arch = "x86_64")]
     const HAS_VNNI: bool = false;
+
+    #[inline(always)]
+    fn multiply_add(a: Self, b: Self, sum: Self) -> Self {
+        multiply_add(a, b, sum)
+    }
 }
 
 impl Number for i32 {
-    type Portable = Portable<Self>;
     #[cfg(target_arch = "x86_64")]
     type Avx = integers::Avx;
     #[cfg(target_arch = "x86_64")]
@@ -55,6 +58,11 @@ impl Number for i32 {
     type Vnni = integers::Vnni;
     #[cfg(target_arch = "x86_64")]
     const HAS_VNNI: bool = true;
+
+    #[inline(always)]
+    fn multiply_add(a: Self, b: Self, sum: Self) -> Self {
+        integers::multiply_add(a, b, sum)
+    }
 }
 
 /// Sixteen numbers.
@@ -126,60 +134,31 @@ pub trait Lanes<N = f32>: Copy {
 #[derive(Clone, Copy)]
 pub struct Portable<N = f32>([N; LANES]);
 
-impl Lanes for Portable {
+impl<N: Number> Lanes<N> for Portable<N> {
     type Pair = [Self; 2];
 
     #[inline(always)]
-    fn splat(value: f32) -> Self {
+    fn splat(value: N) -> Self {
         Self([value; LANES])
     }
 
     #[inline(always)]
-    unsafe fn load(place: *const f32) -> Self {
+    unsafe fn load(place: *const N) -> Self {
         // SAFETY: the caller says that eight numbers are there; they need not be aligned.
-        Self(unsafe { place.cast::<[f32; LANES]>().read_unaligned() })
+        Self(unsafe { place.cast::<[N; LANES]>().read_unaligned() })
     }
 
     #[inline(always)]
     fn multiply_add(self, factor: Self, sum: Self) -> Self {
         let mut result = sum;
         for ((result, a), b) in result.0.iter_mut().zip(self.0).zip(factor.0) {
-            *result = multiply_add(a, b, *result);
+            *result = N::multiply_add(a, b, *result);
         }
         result
     }
 
     #[inline(always)]
-    fn to_array(self) -> [f32; LANES] {
-        self.0
-    }
-}
-
-impl Lanes<i32> for Portable<i32> {
-    type Pair = [Self; 2];
-
-    #[inline(always)]
-    fn splat(value: i32) -> Self {
-        Self([value; LANES])
-    }
-
-    #[inline(always)]
-    unsafe fn load(place: *const i32) -> Self {
-        // SAFETY: the caller says that eight numbers are there; they need not be aligned.
-        Self(unsafe { place.cast::<[i32; LANES]>().read_unaligned() })
-    }
-
-    #[inline(always)]
-    fn multiply_add(self, factor: Self, sum: Self) -> Self {
-        let mut result = sum;
-        for ((result, a), b) in result.0.iter_mut().zip(self.0).zip(factor.0) {
-            *result = integers::multiply_add(a, b, *result);
-        }
-        result
-    }
-
-    #[inline(always)]
-    fn to_array(self) -> [i32; LANES] {
+    fn to_array(self) -> [N; LANES] {
         self.0
     }
 }
@@ -359,7 +338,7 @@ pub fn portably<T>(compute: impl FnOnce() -> T) -> T {
 pub fn dispatch<N: Number>(work: impl Work<N>) {
     #[cfg(test)]
     if LEVEL.get() == Level::Portable {
-        return work.with::<N::Portable>();
+        return work.with::<Portable<N>>();
     }
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -367,7 +346,7 @@ pub fn dispatch<N: Number>(work: impl Work<N>) {
         unsafe { with_avx(work) };
         return;
     }
-    work.with::<N::Portable>();
+    work.with::<Portable<N>>();
 }
 
 /// Whether a pair is one register on this processor, which then also computes with twice as many 64-bit floats at a time.

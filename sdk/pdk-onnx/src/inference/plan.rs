@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use super::buffer::{Buffer, Constants, Operation, is_single};
 use super::choice::Choice;
 use super::convolution::Convolution;
-use super::declared::{check, count_of};
+use super::declared::{check, constant, count_of};
 use super::elementwise::{Binary, Narrowing, Unary};
 use super::extremes::Extremes;
 use super::functions::Smooth;
@@ -113,11 +113,7 @@ impl<'a> Plan<'a> {
     fn constant(&self, name: &str) -> Result<Option<Arc<Tensor>>> {
         match self.constants.get(name) {
             Some(tensor) => Ok(Some(tensor.clone())),
-            // The graph keeps more digits of what it computes from constants.
-            None => Ok(self.graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
-                true => tensor,
-                false => Arc::new(Tensor::clone(&tensor).rounded()),
-            })),
+            None => constant(self.graph, name),
         }
     }
 

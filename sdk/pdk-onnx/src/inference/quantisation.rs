@@ -2,7 +2,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::buffer::{Buffer, Constants, Operation, single, singles};
+use super::buffer::{Buffer, Constants, Operation, WHOLE, single, singles};
 use super::lanes::{Lanes, Work, dispatch_wide};
 use crate::operators::quantize::Factors;
 use crate::site::Site;
@@ -28,8 +28,6 @@ impl Range {
     /// not a number.
     #[inline(always)]
     pub fn nearest(self, steps: f32) -> f32 {
-        /// The floats around it are whole, so that a sum with it is rounded.
-        const WHOLE: f32 = 12_582_912.0;
         let [low, high] = self.bounds.map(|bound| bound - self.zero);
         let within = if steps > low { steps } else { low };
         let within = if within > high { high } else { within };
@@ -120,6 +118,9 @@ pub struct Dynamic;
 
 impl Dynamic {
     /// The node, if it is one.
+    ///
+    /// # Errors
+    /// If its input is missing.
     pub fn new(site: &Site<'_>) -> Result<Option<Self>> {
         let is_float = || site.fact(0).map(|fact| fact.element == Element::FLOAT);
         Ok((site.node.op_type == "DynamicQuantizeLinear" && is_float()?).then_some(Self))

@@ -5,7 +5,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::buffer::{Buffer, Constants, Operation, single, singles};
+use super::buffer::{Buffer, Constants, Operation, WHOLE, single, singles};
 use super::convolution::Convolution;
 use super::integers::paired;
 use super::lanes::{Lanes, Work, dispatch_wide};
@@ -309,7 +309,6 @@ impl Pairs<'_> {
 /// A whole number of at most 2^22 as an integer, without what conversions do about others.
 #[inline(always)]
 fn integer(value: f32) -> i32 {
-    const WHOLE: f32 = 12_582_912.0;
     (value + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits()) as i32
 }
 

@@ -323,15 +323,21 @@ fn sums_of_dequantised_integers_are_computed_in_integers() {
     }
 }
 
-/// A sum that something else needs too stays what it is.
-#[test]
-fn sums_that_are_used_twice_stay_floats() {
+/// A convolution `c` of `x` as quantised integers, and the names of their scale and zero point.
+fn convolution() -> (Sketch, [String; 2]) {
     let mut s = Sketch::new(21);
     s.input("x", &[1, 3, 9, 9]);
     let [scale, zero] = quantize(&mut s, Element::UINT8);
     s.node("DequantizeLinear", &["q", &scale, &zero], "f", &[]);
     let weights = weights(&mut s, &[8, 3, 3, 3], 0, 8);
     s.node("Conv", &["f", &weights], "c", &[]);
+    (s, [scale, zero])
+}
+
+/// A sum that something else needs too stays what it is.
+#[test]
+fn sums_that_are_used_twice_stay_floats() {
+    let (mut s, [scale, zero]) = convolution();
     s.node("QuantizeLinear", &["c", &scale, &zero], "d", &[]);
     s.node("DequantizeLinear", &["d", &scale, &zero], "e", &[]);
     s.node("Sub", &["c", "e"], "y", &[]);
@@ -383,12 +389,7 @@ fn extremes_decide_how_floats_are_quantised_while_the_graph_runs() {
 /// With a negative scale, `Relu` cuts the other end.
 #[test]
 fn a_cut_before_a_negative_scale_is_kept() {
-    let mut s = Sketch::new(21);
-    s.input("x", &[1, 3, 9, 9]);
-    let [scale, zero] = quantize(&mut s, Element::UINT8);
-    s.node("DequantizeLinear", &["q", &scale, &zero], "f", &[]);
-    let weights = weights(&mut s, &[8, 3, 3, 3], 0, 8);
-    s.node("Conv", &["f", &weights], "c", &[]);
+    let (mut s, _) = convolution();
     s.node("Relu", &["c"], "r", &[]);
     let scale = s.weights("y scale", floats(&[-0.01], &[]));
     let zero = s.weights("y zero", Tensor { element: Element::INT8, shape: Vec::new(), values: vec![20.0] });
