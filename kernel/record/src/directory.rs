@@ -97,8 +97,17 @@ pub struct RunDirectory {
 /// system only that of a file is known to other machines.
 #[derive(Debug)]
 struct Lock {
-    _folder: Option<File>,
-    _file: File,
+    folder: Option<File>,
+    file: File,
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Not left to the closing of the files, which a process that another thread is just starting may have open too.
+        for file in self.folder.iter().chain([&self.file]) {
+            let _ = file.unlock();
+        }
+    }
 }
 
 impl RunDirectory {
@@ -144,8 +153,7 @@ impl RunDirectory {
             // There are file systems that cannot lock folders; the file is locked there.
             Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
         };
-        let directory =
-            Self { path: path.to_owned(), _lock: Some(Arc::new(Lock { _folder: folder, _file: lock })) };
+        let directory = Self { path: path.to_owned(), _lock: Some(Arc::new(Lock { folder, file: lock })) };
         directory.remove_parts(path, |name| file::whole_of(name).is_some_and(is_saved));
         Ok(directory)
     }
@@ -320,6 +328,19 @@ mod tests {
             Value::String(id) => all.push(id.clone()),
             split => ["first", "second"].iter().for_each(|side| shown(&split[side], all)),
         }
+    }
+
+    #[test]
+    fn a_folder_is_free_when_its_owner_lets_go_even_while_a_starting_process_holds_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let owner = RunDirectory::create(folder.path()).unwrap();
+        assert!(RunDirectory::create(folder.path()).is_err());
+        // What a process has between its fork and its exec: the same open files.
+        let lock = owner._lock.as_deref().unwrap();
+        let held = (lock.folder.as_ref().unwrap().try_clone().unwrap(), lock.file.try_clone().unwrap());
+        drop(owner);
+        RunDirectory::create(folder.path()).unwrap();
+        drop(held);
     }
 
     #[test]

@@ -15,7 +15,14 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// The right to talk to the simulator at a port, for as long as it lives. The system takes it back at any end of the process.
 #[derive(Debug)]
 pub struct Claim {
-    _lock: File,
+    lock: File,
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Not left to the closing of the file, which a process that another thread is just starting may have open too.
+        let _ = self.lock.unlock();
+    }
 }
 
 impl Claim {
@@ -67,7 +74,7 @@ impl Claim {
             .and_then(|()| lock.rewind())
             .and_then(|()| write!(lock, "{}", std::process::id()));
         written.map_err(cannot)?;
-        Ok(Self { _lock: lock })
+        Ok(Self { lock })
     }
 }
 

@@ -36,7 +36,7 @@ const ATTEMPTS: usize = 100;
 #[derive(Debug)]
 pub(crate) struct Root {
     path: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 impl Root {
@@ -62,7 +62,7 @@ impl Root {
                 Err(error) => return Err(failed(&error)),
             }
             if let Some(lock) = own(&path).map_err(|error| failed(&error))? {
-                let root = Self { path, _lock: lock };
+                let root = Self { path, lock };
                 root.write_files().map_err(|error| failed(&error))?;
                 return Ok(root);
             }
@@ -99,7 +99,7 @@ impl Root {
 
     fn write_files(&self) -> io::Result<()> {
         let started = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or(Duration::ZERO);
-        write!(&self._lock, "{} {}", std::process::id(), started.as_nanos())?;
+        write!(&self.lock, "{} {}", std::process::id(), started.as_nanos())?;
         let quoted = |text: &str| format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""));
         let (path, prefix) = (self.path.to_str().unwrap_or_default(), prefix(&self.path).unwrap_or_default());
         let text = format!(
@@ -122,6 +122,8 @@ impl Drop for Root {
     fn drop(&mut self) {
         // What cannot be deleted now is deleted by the next sweep.
         let _ = delete(std::slice::from_ref(&self.path));
+        // Not left to the closing of the file, which a process that another thread is just starting may have open too.
+        let _ = self.lock.unlock();
     }
 }
 
@@ -281,4 +283,24 @@ fn random() -> io::Result<u64> {
     // So few bytes come whole or not at all.
     getrandom(&mut bytes, GetRandomFlags::empty())?;
     Ok(u64::from_ne_bytes(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Folder;
+
+    #[test]
+    fn a_dropped_root_is_dead_even_while_a_starting_process_holds_its_files() {
+        let folder = Folder::new();
+        let root = Root::create(folder.path(), "run", 0).unwrap();
+        root.finish().unwrap();
+        let watch = Watch::open(root.path()).unwrap();
+        assert!(watch.is_alive());
+        // What a process has between its fork and its exec: the same open file.
+        let held = root.lock.try_clone().unwrap();
+        drop(root);
+        assert!(!watch.is_alive());
+        drop(held);
+    }
 }

@@ -42,6 +42,13 @@ pub struct Manifest {
     journal: File,
 }
 
+impl Drop for Manifest {
+    fn drop(&mut self) {
+        // Not left to the closing of the file, which a process that another thread is just starting may have open too.
+        let _ = self.journal.unlock();
+    }
+}
+
 impl Manifest {
     /// Begins or continues in a folder. `settings` is all that decides what is written.
     ///
