@@ -123,11 +123,6 @@ impl Ground<'_> {
         places::locate(&self.scene.field, &line, &mut room.asked, &mut room.places);
 
         // The surface: grass, and where the road is near, what the section says.
-        let grass = self.section.grass();
-        for (channel, grass) in room.colours.iter_mut().zip(grass) {
-            channel.fill(grass);
-        }
-        room.rough.fill(grass[3]);
         let RoadPlaces { offset, wide, near, .. } = &room.places;
         let [red, green, blue] = room.colours.each_mut().map(Vec::as_mut_slice);
         self.section.fill(&Across { offset, wide, near }, [red, green, blue, &mut room.rough]);
@@ -164,9 +159,12 @@ impl Ground<'_> {
 vectorised! {
     /// Paints the line in the middle of a drawn road.
     fn paint_middle / paint_middle_avx2 / paint_middle_avx512(section: &Section, places: &RoadPlaces, colours: &mut [Vec<f32>; 3]) {
-        let RoadPlaces { offset, along, wide, deep, .. } = places;
+        let RoadPlaces { offset, along, wide, deep, near, .. } = places;
         let blocks = offset.as_chunks::<BLOCK>().0.iter().zip(wide.as_chunks::<BLOCK>().0);
-        for (block, _) in blocks.enumerate().filter(|(_, (offset, wide))| section::is_at_middle(offset, wide)) {
+        for (block, ((offsets, wides), near)) in blocks.zip(near).enumerate() {
+            if !near || !section::is_at_middle(offsets, wides) {
+                continue;
+            }
             for i in block * BLOCK..(block + 1) * BLOCK {
                 if offset[i].abs() >= section::HALF_WIDTH + 1.0 {
                     continue;

@@ -23,6 +23,7 @@ mod gusts;
 mod labels;
 mod light;
 mod lines;
+mod located;
 mod parked;
 mod places;
 mod profile;
@@ -38,6 +39,8 @@ mod simd;
 mod simulator;
 mod sky;
 mod sprite;
+#[cfg(target_arch = "x86_64")]
+mod strips;
 mod terrain;
 mod texture;
 mod things;

@@ -1,6 +1,7 @@
 //! Where the pixels of a row lie on the road.
 
-use crate::field::{Field, Located, Place};
+use crate::field::{Field, NEAR};
+use crate::located::Located;
 use crate::section;
 use crate::simd::{BLOCK, vectorised};
 
@@ -77,6 +78,9 @@ pub struct Asked {
     along: Vec<f32>,
     gradient: [Vec<f32>; 2],
     shade: Vec<f32>,
+    /// How far a pixel extends there, across the road and along it.
+    wide: Vec<f32>,
+    deep: Vec<f32>,
 }
 
 impl Asked {
@@ -85,21 +89,17 @@ impl Asked {
         // Of a single block both ends are asked for.
         let room = || vec![0.0; pixels + BLOCK];
         let gradient = [room(), room()];
-        Self { x: room(), z: room(), lateral: room(), along: room(), gradient, shade: room() }
+        let (x, z, lateral, along, shade) = (room(), room(), room(), room(), room());
+        Self { x, z, lateral, along, gradient, shade, wide: room(), deep: room() }
     }
 
     /// Asks for the first `count` places.
     fn locate(&mut self, field: &Field, count: usize) {
-        let Self { x, z, lateral, along, gradient: [gx, gz], shade } = self;
+        let Self { x, z, lateral, along, gradient: [gx, gz], shade, .. } = self;
         let gradient = [&mut gx[..count], &mut gz[..count]];
         let (lateral, along) = (&mut lateral[..count], &mut along[..count]);
         let located = Located { lateral, along, gradient, shade: &mut shade[..count] };
         field.locate(&x[..count], &z[..count], located);
-    }
-
-    fn place(&self, i: usize) -> Place {
-        let gradient = [self.gradient[0][i], self.gradient[1][i]];
-        Place { lateral: self.lateral[i], along: self.along[i], gradient, shade: self.shade[i] }
     }
 }
 
@@ -111,17 +111,11 @@ pub fn locate(field: &Field, line: &Line, asked: &mut Asked, places: &mut RoadPl
     let (step, count) = if sparse { (BLOCK, crate::simd::padded(blocks + 1)) } else { (1, blocks * BLOCK) };
     step_along(line, step, &mut asked.x[..count], &mut asked.z[..count]);
     asked.locate(field, count);
-    if !sparse {
-        let Asked { lateral, along, gradient: [gx, gz], shade, .. } = &*asked;
-        for block in 0..blocks {
-            let of = block * BLOCK..(block + 1) * BLOCK;
-            let found = [lateral, along, gx, gz, shade].map(|values| &values[of.clone()]);
-            places.near[block] = lateral[of].iter().any(|lateral| lateral.is_finite());
-            lay_each(line, found, block * BLOCK, places);
-        }
-        return;
+    if sparse {
+        lay_sparsely(field, line, asked, places);
+    } else {
+        lay_all(line, asked, places);
     }
-    lay_sparsely(field, line, asked, places);
 }
 
 vectorised! {
@@ -135,46 +129,49 @@ vectorised! {
 
 vectorised! {
     /// Writes the places of all blocks from their ends.
-    fn lay_sparsely / lay_sparsely_avx2 / lay_sparsely_avx512(field: &Field, line: &Line, asked: &Asked, places: &mut RoadPlaces) {
-        for block in 0..places.near.len() {
-            let first = block * BLOCK;
-            let (a, b) = (asked.place(block), asked.place(block + 1));
-            places.near[block] = match (a.is_near(), b.is_near()) {
+    fn lay_sparsely / lay_sparsely_avx2 / lay_sparsely_avx512(field: &Field, line: &Line, asked: &mut Asked, places: &mut RoadPlaces) {
+        let blocks = places.near.len();
+        let Asked { lateral, along, gradient: [gx, gz], shade, wide, deep, .. } = asked;
+        let extents = wide[..blocks].iter_mut().zip(&mut deep[..blocks]);
+        for ((wide, deep), (gx, gz)) in extents.zip(gx.iter().zip(gz.iter())) {
+            *wide = line.extent(*gx, *gz);
+            *deep = line.extent(*gz, -gx);
+        }
+        let is_near = |lateral: f32| lateral.abs() < NEAR;
+        for block in 0..blocks {
+            let ends = |values: &[f32]| [values[block], values[block + 1]];
+            let (laterals, alongs) = (ends(lateral), ends(along));
+            places.near[block] = match laterals.map(is_near) {
                 // The road is wider than a block is long: it cannot lie in between.
-                (false, false) => {
-                    places.offset[first..first + BLOCK].fill(AWAY);
-                    places.shade[first..first + BLOCK].fill(0.0);
+                [false, false] => {
+                    places.offset.as_chunks_mut::<BLOCK>().0[block] = [AWAY; BLOCK];
+                    places.shade.as_chunks_mut::<BLOCK>().0[block] = [0.0; BLOCK];
                     false
                 }
-                (true, true)
-                    if (a.lateral - b.lateral).abs() <= 2.0 * LONGEST
-                        && (a.along - b.along).abs() <= 2.0 * LONGEST =>
+                [true, true]
+                    if (laterals[0] - laterals[1]).abs() <= 2.0 * LONGEST
+                        && (alongs[0] - alongs[1]).abs() <= 2.0 * LONGEST =>
                 {
-                    lay_straight(line, &a, &b, first, places);
+                    // In between it lies on a straight line.
+                    places.wide.as_chunks_mut::<BLOCK>().0[block] = [wide[block]; BLOCK];
+                    places.deep.as_chunks_mut::<BLOCK>().0[block] = [deep[block]; BLOCK];
+                    let offset = &mut places.offset.as_chunks_mut::<BLOCK>().0[block];
+                    *offset = between(laterals).map(|lateral| lateral - section::ROAD_CENTRE as f32);
+                    places.along.as_chunks_mut::<BLOCK>().0[block] = between(alongs);
+                    places.shade.as_chunks_mut::<BLOCK>().0[block] = between(ends(shade));
                     true
                 }
-                _ => ask_for_each(field, line, first, places),
+                _ => ask_for_each(field, line, block * BLOCK, places),
             };
         }
     }
 }
 
-/// Writes the places of a block from their ends, between which they lie on a straight line: `a`, the first, and `b`, just
-/// behind the last.
+/// The values of a block from those of its first pixel and of the one just behind its last.
 #[inline(always)]
-fn lay_straight(line: &Line, a: &Place, b: &Place, first: usize, places: &mut RoadPlaces) {
-    let of = first..first + BLOCK;
-    let [gx, gz] = a.gradient;
-    places.wide[of.clone()].fill(line.extent(gx, gz));
-    places.deep[of.clone()].fill(line.extent(gz, -gx));
-    let (offset, along) = (&mut places.offset[of.clone()], &mut places.along[of.clone()]);
-    let shade = &mut places.shade[of];
-    for i in 0..BLOCK {
-        let share = i as f32 * (1.0 / BLOCK as f32);
-        offset[i] = a.lateral + (b.lateral - a.lateral) * share - section::ROAD_CENTRE as f32;
-        along[i] = a.along + (b.along - a.along) * share;
-        shade[i] = a.shade + (b.shade - a.shade) * share;
-    }
+fn between([a, b]: [f32; 2]) -> [f32; BLOCK] {
+    const SHARES: [f32; BLOCK] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875];
+    SHARES.map(|share| a + (b - a) * share)
 }
 
 /// Asks for each place of a block; whether the road is near any.
@@ -186,32 +183,50 @@ fn ask_for_each(field: &Field, line: &Line, first: usize, places: &mut RoadPlace
         [*x, *z] = line.at(first + within);
     }
     field.locate(x, z, Located { lateral, along, gradient: [gx, gz], shade });
-    let any = lateral.iter().any(|lateral| lateral.is_finite());
-    lay_each(line, [lateral, along, gx, gz, shade], first, places);
-    any
+    lay_each(line, [lateral, along, gx, gz, shade], first / BLOCK, places)
 }
 
 vectorised! {
-    /// Writes the places of a block, each of which was asked for: lateral, along, both parts of the gradient, shade.
-    fn lay_each / lay_each_avx2 / lay_each_avx512(line: &Line, found: [&[f32]; 5], first: usize, places: &mut RoadPlaces) {
-        let [lateral, alongs, gx, gz, shades] = found.map(|values| &values[..BLOCK]);
-        let of = first..first + BLOCK;
-        let RoadPlaces { offset, along, wide, deep, shade, .. } = places;
-        let (offset, along) = (&mut offset[of.clone()], &mut along[of.clone()]);
-        let (wide, deep, shade) = (&mut wide[of.clone()], &mut deep[of.clone()], &mut shade[of]);
-        for i in 0..BLOCK {
-            offset[i] = if lateral[i] < AWAY { lateral[i] - section::ROAD_CENTRE as f32 } else { AWAY };
-            along[i] = alongs[i];
-            wide[i] = line.extent(gx[i], gz[i]);
-            deep[i] = line.extent(gz[i], -gx[i]);
-            shade[i] = shades[i];
+    /// Writes the places of all blocks, each of which was asked for.
+    fn lay_all / lay_all_avx2 / lay_all_avx512(line: &Line, asked: &Asked, places: &mut RoadPlaces) {
+        let Asked { lateral, along, gradient: [gx, gz], shade, .. } = asked;
+        for block in 0..places.near.len() {
+            let [lateral, along, gx, gz, shade] =
+                [lateral, along, gx, gz, shade].map(|values| &values.as_chunks::<BLOCK>().0[block]);
+            places.near[block] = lay_each(line, [lateral, along, gx, gz, shade], block, places);
         }
     }
+}
+
+/// Writes the places of a block, each of which was asked for: lateral, along, both parts of the gradient, shade. Whether the
+/// road is near any.
+#[inline(always)]
+fn lay_each(line: &Line, found: [&[f32; BLOCK]; 5], block: usize, places: &mut RoadPlaces) -> bool {
+    let [lateral, alongs, gx, gz, shades] = found;
+    // Without leaving early, so that all are tested at once.
+    let near = lateral.iter().fold(false, |near, lateral| near | lateral.is_finite());
+    let RoadPlaces { offset, along, wide, deep, shade, .. } = places;
+    let offset = &mut offset.as_chunks_mut::<BLOCK>().0[block];
+    shade.as_chunks_mut::<BLOCK>().0[block] = *shades;
+    if !near {
+        *offset = [AWAY; BLOCK];
+        return false;
+    }
+    along.as_chunks_mut::<BLOCK>().0[block] = *alongs;
+    let (wide, deep) =
+        (&mut wide.as_chunks_mut::<BLOCK>().0[block], &mut deep.as_chunks_mut::<BLOCK>().0[block]);
+    for i in 0..BLOCK {
+        offset[i] = if lateral[i] < AWAY { lateral[i] - section::ROAD_CENTRE as f32 } else { AWAY };
+        wide[i] = line.extent(gx[i], gz[i]);
+        deep[i] = line.extent(gz[i], -gx[i]);
+    }
+    true
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::Place;
     use crate::road::Road;
     use crate::simd::{padded, portably};
 

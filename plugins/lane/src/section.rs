@@ -7,7 +7,7 @@ pub use pdk_road::LANE_WIDTH;
 
 use crate::simd::BLOCK;
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{avx2, has_avx2};
+use crate::simd::{avx2, avx512, has_avx2, has_avx512};
 
 /// Where the middle of the road lies, seen from the centre line of the driven lane: to the left.
 pub const ROAD_CENTRE: f64 = -LANE_WIDTH / 2.0;
@@ -123,6 +123,8 @@ pub struct Section {
     grass: [f32; 4],
     /// Without the yellow line: sums of all samples before each: red, green, blue, texture.
     sums: Vec<[f32; 4]>,
+    /// Up to which of the sums, and from which on, all are the same: there is grass.
+    varied: [f32; 2],
 }
 
 impl Section {
@@ -154,16 +156,25 @@ impl Section {
             }
             sums.push(total.map(|t| t as f32));
         }
-        Self { markings, grass, sums }
+        let varies = |at: &usize| sums[*at] != sums[*at + 1];
+        let first = (0..SAMPLES).find(varies).unwrap_or(SAMPLES);
+        let last = (0..SAMPLES).rfind(varies).map_or(0, |at| at + 1);
+        Self { markings, grass, sums, varied: [first as f32, last as f32] }
     }
 
     /// Grass as red, green, blue, texture.
-    pub fn grass(&self) -> [f32; 4] {
+    #[cfg(test)]
+    fn grass(&self) -> [f32; 4] {
         self.grass
     }
 
-    /// Writes the means at places: red, green, blue, texture, in whole blocks. Blocks that are not near the road are left alone.
+    /// Writes the means at places: red, green, blue, texture, in whole blocks. Blocks that are not near the road are grass.
     pub fn fill(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx512() {
+            // SAFETY: the processor has all that this version asks for.
+            return unsafe { self.fill_avx512(across, into) };
+        }
         #[cfg(target_arch = "x86_64")]
         if has_avx2() {
             // SAFETY: the processor has AVX2, which is all that this version asks for.
@@ -173,13 +184,12 @@ impl Section {
     }
 
     fn fill_plainly(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
-        let blocks = across.near.iter().enumerate().filter(|(_, near)| **near);
-        for i in blocks.flat_map(|(block, _)| block * BLOCK..(block + 1) * BLOCK) {
-            let known = across.offset[i].abs() < HALF_WIDTH + 1.0;
-            let mean = if known { self.mean(across.offset[i], across.wide[i]) } else { self.grass };
-            for channel in 0..4 {
-                into[channel][i] = mean[channel];
-            }
+        let [red, green, blue, texture] = into;
+        let places = across.offset.iter().zip(across.wide).enumerate();
+        let values = red.iter_mut().zip(green).zip(blue).zip(texture);
+        for ((i, (offset, wide)), (((red, green), blue), texture)) in places.zip(values) {
+            let known = across.near[i / BLOCK] && offset.abs() < HALF_WIDTH + 1.0;
+            [*red, *green, *blue, *texture] = if known { self.mean(*offset, *wide) } else { self.grass };
         }
     }
 
@@ -190,15 +200,28 @@ impl Section {
 
         let set = |value: f32| _mm256_set1_ps(value);
         let without_sign = _mm256_castsi256_ps(_mm256_set1_epi32(i32::MAX));
-        let place_in_sums = |place: __m256| {
-            // As `clamp` and a conversion: what is not a number would be its lower bound there and is here too.
-            let inside = _mm256_min_ps(_mm256_max_ps(place, set(0.0)), set(SAMPLES as f32));
-            avx2::look_up!(&self.sums, _mm256_cvttps_epi32(inside))
-        };
+        // A macro, because a closure that gives back four vectors passes them through memory.
+        macro_rules! place_in_sums {
+            ($place:expr) => {{
+                // As `clamp` and a conversion: what is not a number would be its lower bound there and is here too.
+                let inside = _mm256_min_ps(_mm256_max_ps($place, set(0.0)), set(SAMPLES as f32));
+                avx2::look_up!(&self.sums, _mm256_cvttps_epi32(inside))
+            }};
+        }
         let [red, green, blue, texture] = into.map(|values| values.as_chunks_mut::<BLOCK>().0);
         let (offsets, wides) = (across.offset.as_chunks::<BLOCK>().0, across.wide.as_chunks::<BLOCK>().0);
-        for (block, _) in across.near.iter().enumerate().filter(|(_, near)| **near) {
+        for (block, near) in across.near.iter().enumerate() {
             let (offset, wide) = (avx2::load(&offsets[block]), avx2::load(&wides[block]));
+            let known =
+                _mm256_cmp_ps::<_CMP_LT_OQ>(_mm256_and_ps(offset, without_sign), set(HALF_WIDTH + 1.0));
+            if !near || _mm256_testz_ps(known, known) == 1 {
+                let [r, g, b, t] = self.grass.map(set);
+                avx2::store(&mut red[block], r);
+                avx2::store(&mut green[block], g);
+                avx2::store(&mut blue[block], b);
+                avx2::store(&mut texture[block], t);
+                continue;
+            }
             let half = _mm256_mul_ps(
                 _mm256_max_ps(wide, set(1.0 / SAMPLES_PER_METRE)),
                 set(0.5 * SAMPLES_PER_METRE),
@@ -210,9 +233,7 @@ impl Section {
             let low = _mm256_floor_ps(_mm256_sub_ps(place, half));
             let high = _mm256_floor_ps(_mm256_add_ps(place, half));
             let scale = _mm256_div_ps(set(1.0), _mm256_max_ps(_mm256_sub_ps(high, low), set(1.0)));
-            let (low, high) = (place_in_sums(low), place_in_sums(high));
-            let known =
-                _mm256_cmp_ps::<_CMP_LT_OQ>(_mm256_and_ps(offset, without_sign), set(HALF_WIDTH + 1.0));
+            let (low, high) = (place_in_sums!(low), place_in_sums!(high));
             let mean = |channel: usize| {
                 let grass = set(self.grass[channel]);
                 let more = _mm256_mul_ps(_mm256_sub_ps(high[channel], low[channel]), scale);
@@ -222,6 +243,60 @@ impl Section {
             avx2::store(&mut green[block], mean(1));
             avx2::store(&mut blue[block], mean(2));
             avx2::store(&mut texture[block], mean(3));
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512bw,avx512dq,avx512vl,avx512vbmi")]
+    fn fill_avx512(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
+        use std::arch::x86_64::*;
+
+        let set = |value: f32| _mm512_set1_ps(value);
+        let sums = self.sums.as_flattened();
+        // As for AVX2.
+        macro_rules! place_in_sums {
+            ($place:expr) => {{
+                let inside = _mm512_min_ps(_mm512_max_ps($place, set(0.0)), set(SAMPLES as f32));
+                avx512::look_up!(sums, 4, _mm512_cvttps_epi32(inside))
+            }};
+        }
+        let floor =
+            |value: __m512| _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(value);
+        let grass = self.grass.map(set);
+        let [red, green, blue, texture] = into.map(|values| values.chunks_mut(avx512::LANES));
+        let places = across.offset.chunks(avx512::LANES).zip(across.wide.chunks(avx512::LANES));
+        let blocks = across.near.chunks(avx512::LANES / BLOCK);
+        for (((((red, green), blue), texture), (offset, wide)), near) in
+            red.zip(green).zip(blue).zip(texture).zip(places).zip(blocks)
+        {
+            let near = near.iter().rev().fold(0, |lanes, near| lanes << BLOCK | if *near { 0xFF } else { 0 });
+            let (offset, wide) = (avx512::load(offset), avx512::load(wide));
+            let known = near & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(offset), set(HALF_WIDTH + 1.0));
+            let half = _mm512_mul_ps(
+                _mm512_max_ps(wide, set(1.0 / SAMPLES_PER_METRE)),
+                set(0.5 * SAMPLES_PER_METRE),
+            );
+            let place = _mm512_add_ps(
+                _mm512_mul_ps(_mm512_add_ps(offset, set(HALF_WIDTH)), set(SAMPLES_PER_METRE)),
+                set(0.5),
+            );
+            let (low, high) = (floor(_mm512_sub_ps(place, half)), floor(_mm512_add_ps(place, half)));
+            let known = known
+                & _mm512_cmp_ps_mask::<_CMP_GT_OQ>(high, set(self.varied[0]))
+                & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(low, set(self.varied[1]));
+            let mut means = grass;
+            if known != 0 {
+                let scale = _mm512_div_ps(set(1.0), _mm512_max_ps(_mm512_sub_ps(high, low), set(1.0)));
+                let (low, high) = (place_in_sums!(low), place_in_sums!(high));
+                for (mean, (low, high)) in means.iter_mut().zip(low.into_iter().zip(high)) {
+                    let more = _mm512_mul_ps(_mm512_sub_ps(high, low), scale);
+                    *mean = _mm512_mask_add_ps(*mean, known, *mean, more);
+                }
+            }
+            avx512::store(red, !0, means[0]);
+            avx512::store(green, !0, means[1]);
+            avx512::store(blue, !0, means[2]);
+            avx512::store(texture, !0, means[3]);
         }
     }
 
@@ -408,9 +483,8 @@ mod tests {
         assert_eq!(found, crate::simd::portably(filled));
         for i in 0..408 {
             let expected = match near[i / 8] {
-                false => [-1.0; 4],
                 true if offset[i].abs() < 8.0 => section.mean(offset[i], wide[i]),
-                true => section.grass(),
+                _ => section.grass(),
             };
             assert_eq!([0, 1, 2, 3].map(|c| f32::from_bits(found[c][i])), expected, "{i}");
         }

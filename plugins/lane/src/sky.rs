@@ -48,6 +48,8 @@ pub struct Sky {
     columns: Vec<(f64, f32)>,
     /// The rows on which the far and the near hills begin, by column.
     hill_tops: [Vec<f32>; 2],
+    /// The highest and the lowest of these rows, counted from the frame's upper edge: the least and the greatest number.
+    hill_ranges: [(f32, f32); 2],
     /// Red, green and blue of the row at hand.
     colours: [Vec<f32>; 3],
     /// Column and row of the sun, and the square of the extent of its glow in pixels, where it is before the camera.
@@ -68,6 +70,7 @@ impl Sky {
         Self {
             columns,
             hill_tops: [room(), room()],
+            hill_ranges: [(0.0, 0.0); 2],
             colours: [room(), room(), room()],
             sun: None,
             horizon: 0.0,
@@ -85,6 +88,10 @@ impl Sky {
                 tops[i] = self.horizon - tangent / cosine * focal;
             }
         }
+        self.hill_ranges = self.hill_tops.each_ref().map(|tops| {
+            let ends = (f32::INFINITY, f32::NEG_INFINITY);
+            tops.iter().fold(ends, |(least, greatest), top| (least.min(*top), greatest.max(*top)))
+        });
         self.sun = None;
         if let (Some(sun), Some(glow)) = (scene.sun, scene.light.sun) {
             let (sine, cosine) = (libm::sin(sun.heading - heading), libm::cos(sun.heading - heading));
@@ -113,7 +120,7 @@ impl Sky {
             channel.fill(colour);
         }
         // Not where the near hills hide it anyway.
-        let open = self.hill_tops[1].iter().any(|top| y < top + 1.0);
+        let open = y < self.hill_ranges[1].1 + 1.0;
         if open && sky.clouds > 0.0 {
             let start = [0, 1].map(|k| view.ahead[k] * sky.ahead + view.right[k] * (sky.right * left));
             let step = view.right.map(|r| r * sky.right);
@@ -127,8 +134,8 @@ impl Sky {
                 add_glow(channel, &room.numbers, own, sun, y);
             }
         }
-        for (tops, colour) in self.hill_tops.iter().zip(light.hills) {
-            if tops.iter().all(|top| y + 0.5 <= *top) {
+        for ((tops, (first, _)), colour) in self.hill_tops.iter().zip(self.hill_ranges).zip(light.hills) {
+            if y + 0.5 <= first {
                 continue;
             }
             for channel in 0..3 {

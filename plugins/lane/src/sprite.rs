@@ -3,6 +3,8 @@
 use pdk_sdk::prelude::FrameMut;
 
 use crate::blend::{self, FAINTEST, Paint, TexelRows, blend};
+#[cfg(target_arch = "x86_64")]
+use crate::{simd::has_avx512, strips};
 
 /// Texels along a side of a picture; a power of two.
 const SIZE: usize = 128;
@@ -20,6 +22,9 @@ struct Level {
     texels: Texels,
     /// For each row of texels and the one below it: from the first to behind the last column that is not transparent.
     opaque: Vec<std::ops::Range<usize>>,
+    /// The same for each column of texels and the one to its right: from the first to behind the last row.
+    #[cfg(target_arch = "x86_64")]
+    opaque_rows: Vec<std::ops::Range<u32>>,
 }
 
 /// A picture with smaller copies.
@@ -129,6 +134,15 @@ impl Sprite {
             own: [own_red, own_green, own_blue, 0.0],
             air: [air_red, air_green, air_blue, 0.0],
         };
+        #[cfg(target_arch = "x86_64")]
+        if has_avx512() {
+            let Area { rows, columns, level, corner, step, .. } = area;
+            let Level { size, texels, opaque_rows: opaque, .. } = level;
+            let picture = strips::Picture { texels, size: *size, opaque, corner, step, columns, rows };
+            let pitch = frame.stride();
+            // SAFETY: the processor has all that this version asks for.
+            return unsafe { strips::draw(&picture, &paint, frame.data_mut(), pitch) };
+        }
         let stride = area.level.size + 2;
         for y in area.rows.clone() {
             let (top, below) = area.texel_row(y);
@@ -224,15 +238,24 @@ impl Level {
             let first = (y + 1) * stride + 1;
             wide[first..first + size].copy_from_slice(row);
         }
-        let both = |row: usize, column: usize| {
-            wide[row * stride + column][3] > 0.0 || wide[(row + 1) * stride + column][3] > 0.0
+        let shows = |row: usize, column: usize| wide[row * stride + column][3] > 0.0;
+        let range = |shows: &dyn Fn(usize) -> bool| {
+            let first = (0..stride).find(|at| shows(*at)).unwrap_or(0);
+            first..(0..stride).rfind(|at| shows(*at)).map_or(0, |at| at + 1)
         };
-        let opaque = (0..=size).map(|row| {
-            let first = (0..stride).find(|column| both(row, *column)).unwrap_or(0);
-            let last = (0..stride).rfind(|column| both(row, *column)).map_or(0, |column| column + 1);
-            first..last
-        });
-        Self { size, opaque: opaque.collect(), texels: wide }
+        let in_rows = |row: usize| range(&|column| shows(row, column) || shows(row + 1, column));
+        #[cfg(target_arch = "x86_64")]
+        let in_columns = |column: usize| {
+            let rows = range(&|row| shows(row, column) || shows(row, column + 1));
+            rows.start as u32..rows.end as u32
+        };
+        Self {
+            size,
+            opaque: (0..=size).map(in_rows).collect(),
+            #[cfg(target_arch = "x86_64")]
+            opaque_rows: (0..=size).map(in_columns).collect(),
+            texels: wide,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::Random;
 
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{BLOCK, avx2, has_avx2};
+use crate::simd::{BLOCK, avx2, avx512, has_avx2, has_avx512};
 
 /// Texels along a side of the largest copy of a texture that is drawn here; a power of two, so that coordinates wrap by masking.
 const SIZE: usize = 256;
@@ -94,6 +94,11 @@ impl Texture {
         let reading = self.reading(scale);
         let (start, step) = (start.map(|s| s * scale.frequency), step.map(|s| s * scale.frequency));
         #[cfg(target_arch = "x86_64")]
+        if has_avx512() {
+            // SAFETY: the processor has all that this version asks for.
+            return unsafe { reading.fill_avx512(row, (start, step)) };
+        }
+        #[cfg(target_arch = "x86_64")]
         if has_avx2() {
             // SAFETY: the processor has AVX2, which is all that this version asks for.
             return unsafe { reading.fill_avx2(row, (start, step)) };
@@ -113,6 +118,11 @@ impl Texture {
     ) {
         let reading = self.reading(scale);
         let frequencies = [scale.frequency, scale.frequency / stretch];
+        #[cfg(target_arch = "x86_64")]
+        if has_avx512() {
+            // SAFETY: the processor has all that this version asks for.
+            return unsafe { reading.fill_at_avx512(row, (x, y), shift, frequencies) };
+        }
         #[cfg(target_arch = "x86_64")]
         if has_avx2() {
             // SAFETY: the processor has AVX2, which is all that this version asks for.
@@ -151,6 +161,31 @@ macro_rules! at_avx2 {
         };
         let (upper, lower) = (avx2::mix(a, b, fx), avx2::mix(c, d, fx));
         _mm256_mul_ps(avx2::mix(upper, lower, fy), _mm256_set1_ps(reading.strength))
+    }};
+}
+
+/// As [`Reading::at`], for sixteen places.
+#[cfg(target_arch = "x86_64")]
+macro_rules! at_avx512 {
+    ($reading:expr, $u:expr, $v:expr) => {{
+        let (reading, u, v): (&Reading<'_>, __m512, __m512) = ($reading, $u, $v);
+        let (half, rounding) = (_mm512_set1_ps(0.5), _mm512_set1_ps(ROUNDING));
+        let mask = _mm512_set1_epi32(reading.mask as i32);
+        let left = _mm512_add_ps(_mm512_sub_ps(u, half), rounding);
+        let top = _mm512_add_ps(_mm512_sub_ps(v, half), rounding);
+        let fx = _mm512_sub_ps(u, _mm512_sub_ps(left, rounding));
+        let fy = _mm512_sub_ps(v, _mm512_sub_ps(top, rounding));
+        let column = _mm512_and_si512(_mm512_castps_si512(left), mask);
+        let shift = _mm_cvtsi32_si128(reading.shift as i32);
+        let line = _mm512_sll_epi32(_mm512_and_si512(_mm512_castps_si512(top), mask), shift);
+        let places = _mm512_or_si512(line, column);
+        let first = _mm512_broadcastd_epi32(_mm512_castsi512_si128(places));
+        let [a, b, c, d] = match _mm512_cmpneq_epi32_mask(places, first) {
+            0 => reading.texels[_mm512_cvtsi512_si32(places) as u32 as usize].map(|v| _mm512_set1_ps(v)),
+            _ => avx512::look_up!(reading.texels.as_flattened(), 4, places),
+        };
+        let (upper, lower) = (avx512::mix(a, b, fx), avx512::mix(c, d, fx));
+        _mm512_mul_ps(avx512::mix(upper, lower, fy), _mm512_set1_ps(reading.strength))
     }};
 }
 
@@ -225,6 +260,45 @@ impl Reading<'_> {
             let u = _mm256_mul_ps(_mm256_add_ps(avx2::load(x), sx), fx);
             let v = _mm256_mul_ps(_mm256_add_ps(avx2::load(y), sy), fy);
             avx2::store(block, at_avx2!(self, u, v));
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512bw,avx512dq,avx512vl,avx512vbmi")]
+    fn fill_avx512(&self, row: &mut [f32], (start, step): ([f32; 2], [f32; 2])) {
+        use std::arch::x86_64::*;
+
+        let [su, sv] = start.map(|s| _mm512_set1_ps(s));
+        let [du, dv] = step.map(|s| _mm512_set1_ps(s));
+        let mut numbers = _mm512_setr_ps(
+            0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
+        );
+        for values in row.chunks_mut(avx512::LANES) {
+            let u = _mm512_add_ps(su, _mm512_mul_ps(numbers, du));
+            let v = _mm512_add_ps(sv, _mm512_mul_ps(numbers, dv));
+            numbers = _mm512_add_ps(numbers, _mm512_set1_ps(avx512::LANES as f32));
+            avx512::store(values, !0, at_avx512!(self, u, v));
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512bw,avx512dq,avx512vl,avx512vbmi")]
+    fn fill_at_avx512(
+        &self,
+        row: &mut [f32],
+        (x, y): (&[f32], &[f32]),
+        shift: [f32; 2],
+        frequencies: [f32; 2],
+    ) {
+        use std::arch::x86_64::*;
+
+        let [fx, fy] = frequencies.map(|f| _mm512_set1_ps(f));
+        let [sx, sy] = shift.map(|s| _mm512_set1_ps(s));
+        let places = x.chunks(avx512::LANES).zip(y.chunks(avx512::LANES));
+        for (values, (x, y)) in row.chunks_mut(avx512::LANES).zip(places) {
+            let u = _mm512_mul_ps(_mm512_add_ps(avx512::load(x), sx), fx);
+            let v = _mm512_mul_ps(_mm512_add_ps(avx512::load(y), sy), fy);
+            avx512::store(values, !0, at_avx512!(self, u, v));
         }
     }
 }
