@@ -165,15 +165,16 @@ vectorised! {
             if !near || !section::is_at_middle(offsets, wides) {
                 continue;
             }
-            for i in block * BLOCK..(block + 1) * BLOCK {
-                if offset[i].abs() >= section::HALF_WIDTH + 1.0 {
-                    continue;
-                }
-                let share = section.middle_line(offset[i], wide[i], along[i], deep[i]);
-                if share > 0.0 {
-                    for (colours, yellow) in colours.iter_mut().zip(section::YELLOW) {
-                        colours[i] += (yellow - colours[i]) * share;
-                    }
+            let (alongs, deeps) = (&along.as_chunks::<BLOCK>().0[block], &deep.as_chunks::<BLOCK>().0[block]);
+            let mut shares = [0.0; BLOCK];
+            for i in 0..BLOCK {
+                let share = section.middle_line(offsets[i], wides[i], alongs[i], deeps[i]);
+                shares[i] = if offsets[i].abs() < section::HALF_WIDTH + 1.0 { share } else { 0.0 };
+            }
+            for (colours, yellow) in colours.iter_mut().zip(section::YELLOW) {
+                for (colour, share) in colours.as_chunks_mut::<BLOCK>().0[block].iter_mut().zip(shares) {
+                    let painted = *colour + (yellow - *colour) * share;
+                    *colour = if share > 0.0 { painted } else { *colour };
                 }
             }
         }

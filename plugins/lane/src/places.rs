@@ -137,11 +137,11 @@ vectorised! {
             *wide = line.extent(*gx, *gz);
             *deep = line.extent(*gz, -gx);
         }
-        let is_near = |lateral: f32| lateral.abs() < NEAR;
+        let known = |lateral: f32| lateral.abs() < NEAR;
         for block in 0..blocks {
             let ends = |values: &[f32]| [values[block], values[block + 1]];
             let (laterals, alongs) = (ends(lateral), ends(along));
-            places.near[block] = match laterals.map(is_near) {
+            let is_near = match laterals.map(known) {
                 // The road is wider than a block is long: it cannot lie in between.
                 [false, false] => {
                     places.offset.as_chunks_mut::<BLOCK>().0[block] = [AWAY; BLOCK];
@@ -161,8 +161,12 @@ vectorised! {
                     places.shade.as_chunks_mut::<BLOCK>().0[block] = between(ends(shade));
                     true
                 }
-                _ => ask_for_each(field, line, block * BLOCK, places),
+                _ => {
+                    ask_for_each(field, line, block * BLOCK, places);
+                    continue;
+                }
             };
+            places.near[block] = is_near;
         }
     }
 }
@@ -174,53 +178,49 @@ fn between([a, b]: [f32; 2]) -> [f32; BLOCK] {
     SHARES.map(|share| a + (b - a) * share)
 }
 
-/// Asks for each place of a block; whether the road is near any.
+/// Asks for each place of a block.
 #[inline(never)]
-fn ask_for_each(field: &Field, line: &Line, first: usize, places: &mut RoadPlaces) -> bool {
+fn ask_for_each(field: &Field, line: &Line, first: usize, places: &mut RoadPlaces) {
     let mut values = [[0.0; BLOCK]; 7];
     let [x, z, lateral, along, gx, gz, shade] = &mut values;
     for (within, (x, z)) in x.iter_mut().zip(z.iter_mut()).enumerate() {
         [*x, *z] = line.at(first + within);
     }
     field.locate(x, z, Located { lateral, along, gradient: [gx, gz], shade });
-    lay_each(line, [lateral, along, gx, gz, shade], first / BLOCK, places)
+    lay_each(line, [lateral, along, gx, gz, shade], places, first);
 }
 
 vectorised! {
-    /// Writes the places of all blocks, each of which was asked for.
+    /// Writes the places of a row, each of which was asked for.
     fn lay_all / lay_all_avx2 / lay_all_avx512(line: &Line, asked: &Asked, places: &mut RoadPlaces) {
         let Asked { lateral, along, gradient: [gx, gz], shade, .. } = asked;
-        for block in 0..places.near.len() {
-            let [lateral, along, gx, gz, shade] =
-                [lateral, along, gx, gz, shade].map(|values| &values.as_chunks::<BLOCK>().0[block]);
-            places.near[block] = lay_each(line, [lateral, along, gx, gz, shade], block, places);
-        }
+        lay_each(line, [lateral, along, gx, gz, shade], places, 0);
     }
 }
 
-/// Writes the places of a block, each of which was asked for: lateral, along, both parts of the gradient, shade. Whether the
-/// road is near any.
+/// Writes places from pixel `first` on, each of which was asked for, in whole blocks: lateral, along, both parts of the
+/// gradient, shade.
 #[inline(always)]
-fn lay_each(line: &Line, found: [&[f32; BLOCK]; 5], block: usize, places: &mut RoadPlaces) -> bool {
-    let [lateral, alongs, gx, gz, shades] = found;
-    // Without leaving early, so that all are tested at once.
-    let near = lateral.iter().fold(false, |near, lateral| near | lateral.is_finite());
-    let RoadPlaces { offset, along, wide, deep, shade, .. } = places;
-    let offset = &mut offset.as_chunks_mut::<BLOCK>().0[block];
-    shade.as_chunks_mut::<BLOCK>().0[block] = *shades;
-    if !near {
-        *offset = [AWAY; BLOCK];
-        return false;
+fn lay_each(line: &Line, found: [&[f32]; 5], places: &mut RoadPlaces, first: usize) {
+    let RoadPlaces { offset, along, wide, deep, shade, near } = places;
+    let count = (offset.len() - first).min(found[0].len() / BLOCK * BLOCK);
+    let [lateral, alongs, gx, gz, shades] = found.map(|values| &values[..count]);
+    let of = first..first + count;
+    along[of.clone()].copy_from_slice(alongs);
+    shade[of.clone()].copy_from_slice(shades);
+    for (offset, lateral) in offset[of.clone()].iter_mut().zip(lateral) {
+        let there = lateral - section::ROAD_CENTRE as f32;
+        *offset = if *lateral < AWAY { there } else { AWAY };
     }
-    along.as_chunks_mut::<BLOCK>().0[block] = *alongs;
-    let (wide, deep) =
-        (&mut wide.as_chunks_mut::<BLOCK>().0[block], &mut deep.as_chunks_mut::<BLOCK>().0[block]);
-    for i in 0..BLOCK {
-        offset[i] = if lateral[i] < AWAY { lateral[i] - section::ROAD_CENTRE as f32 } else { AWAY };
-        wide[i] = line.extent(gx[i], gz[i]);
-        deep[i] = line.extent(gz[i], -gx[i]);
+    let extents = wide[of.clone()].iter_mut().zip(&mut deep[of]);
+    for ((wide, deep), (gx, gz)) in extents.zip(gx.iter().zip(gz)) {
+        *wide = line.extent(*gx, *gz);
+        *deep = line.extent(*gz, -gx);
     }
-    true
+    for (near, lateral) in near[first / BLOCK..].iter_mut().zip(lateral.as_chunks::<BLOCK>().0) {
+        // Without leaving early, so that all are tested at once.
+        *near = lateral.iter().fold(false, |near, lateral| near | (lateral.abs() < f32::INFINITY));
+    }
 }
 
 #[cfg(test)]

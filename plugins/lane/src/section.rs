@@ -263,14 +263,14 @@ impl Section {
         let floor =
             |value: __m512| _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(value);
         let grass = self.grass.map(set);
-        let [red, green, blue, texture] = into.map(|values| values.chunks_mut(avx512::LANES));
-        let places = across.offset.chunks(avx512::LANES).zip(across.wide.chunks(avx512::LANES));
-        let blocks = across.near.chunks(avx512::LANES / BLOCK);
-        for (((((red, green), blue), texture), (offset, wide)), near) in
-            red.zip(green).zip(blue).zip(texture).zip(places).zip(blocks)
-        {
-            let near = near.iter().rev().fold(0, |lanes, near| lanes << BLOCK | if *near { 0xFF } else { 0 });
-            let (offset, wide) = (avx512::load(offset), avx512::load(wide));
+        let Across { offset, wide, near } = *across;
+        let count = near.len() * BLOCK;
+        let [red, green, blue, texture] = into.map(|values| &mut values[..count]);
+        let (offset, wide) = (&offset[..count], &wide[..count]);
+        for first in (0..count).step_by(avx512::LANES) {
+            let bits = |block: usize| if near.get(block).is_some_and(|near| *near) { 0xFF } else { 0 };
+            let near = bits(first / BLOCK) | bits(first / BLOCK + 1) << BLOCK;
+            let (offset, wide) = (avx512::load(&offset[first..]), avx512::load(&wide[first..]));
             let known = near & _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_abs_ps(offset), set(HALF_WIDTH + 1.0));
             let half = _mm512_mul_ps(
                 _mm512_max_ps(wide, set(1.0 / SAMPLES_PER_METRE)),
@@ -293,10 +293,10 @@ impl Section {
                     *mean = _mm512_mask_add_ps(*mean, known, *mean, more);
                 }
             }
-            avx512::store(red, !0, means[0]);
-            avx512::store(green, !0, means[1]);
-            avx512::store(blue, !0, means[2]);
-            avx512::store(texture, !0, means[3]);
+            avx512::store(&mut red[first..], !0, means[0]);
+            avx512::store(&mut green[first..], !0, means[1]);
+            avx512::store(&mut blue[first..], !0, means[2]);
+            avx512::store(&mut texture[first..], !0, means[3]);
         }
     }
 
@@ -322,15 +322,11 @@ impl Section {
     #[inline(always)]
     pub fn middle_line(&self, offset: f32, wide: f32, along: f32, deep: f32) -> f32 {
         let half_line = LINE_WIDTH as f32 / 2.0;
-        if offset.abs() >= half_line + wide {
-            return 0.0;
-        }
         let line = cover(offset, wide.max(0.01), -half_line, half_line);
-        match self.markings {
-            Markings::Solid => line,
-            Markings::Dashed => line * dash_cover(along, deep),
-            Markings::Worn => line * dash_cover(along, deep) * WORN,
-        }
+        // Without branches, so that the places of a block are computed at once.
+        let dash = if self.markings == Markings::Solid { 1.0 } else { dash_cover(along, deep) };
+        let left = if self.markings == Markings::Worn { WORN } else { 1.0 };
+        if offset.abs() < half_line + wide { line * dash * left } else { 0.0 }
     }
 
     /// The share of a pixel that a white edge line covers.
@@ -394,12 +390,14 @@ fn at(offset: f32, palette: &Palette, paint: Option<Markings>) -> Ground {
 }
 
 /// The share of the stretch of `width` metres around `position` that lies between `from` and `to`.
+#[inline(always)]
 fn cover(position: f32, width: f32, from: f32, to: f32) -> f32 {
     let half = width * 0.5;
     (((position + half).min(to) - (position - half).max(from)) / width).clamp(0.0, 1.0)
 }
 
 /// The share of the stretch of `width` metres around `along` that dashes of the middle line cover.
+#[inline(always)]
 fn dash_cover(along: f32, width: f32) -> f32 {
     let painted = |position: f32| {
         let periods = (position / DASH_PERIOD).floor();

@@ -45,9 +45,11 @@ pub fn draw(picture: &Picture<'_>, paint: &Paint, frame: &mut [u8], pitch: usize
         _mm512_broadcast_f32x4(unsafe { _mm_loadu_ps(four.as_ptr()) })
     };
     let (own, air) = (all(&paint.own), all(&paint.air));
-    // The bytes of four pixels, each of its own quarter, and back.
-    let apart = _mm_setr_epi8(0, 1, 2, -1, 3, 4, 5, -1, 6, 7, 8, -1, 9, 10, 11, -1);
-    let together = _mm_setr_epi8(0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1);
+    // The bytes of four pixels, each value in a lane of its own and each pixel in a quarter of its own, and back.
+    let apart = _mm512_setr_epi32(0, 1, 2, 0, 3, 4, 5, 0, 6, 7, 8, 0, 9, 10, 11, 0);
+    let values: __mmask64 = 0x0111_0111_0111_0111;
+    let together =
+        _mm512_zextsi128_si512(_mm_setr_epi8(0, 4, 8, 16, 20, 24, 32, 36, 40, 48, 52, 56, 0, 0, 0, 0));
     // Where pixels lie on the picture: as `place`, for four columns or sixteen rows.
     let most = set(size as f32);
     let numbers =
@@ -118,14 +120,15 @@ pub fn draw(picture: &Picture<'_>, paint: &Paint, frame: &mut [u8], pitch: usize
                 let drawn = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(cover, set(FAINTEST));
                 // SAFETY: only bytes are read that there are.
                 let behind = unsafe { _mm_maskz_loadu_epi8(bytes, pixels.as_ptr().cast()) };
-                let behind = _mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(_mm_shuffle_epi8(behind, apart)));
+                let behind = _mm512_maskz_permutexvar_epi8(values, apart, _mm512_castsi128_si512(behind));
+                let behind = _mm512_cvtepi32_ps(behind);
                 let seen = _mm512_add_ps(_mm512_mul_ps(texel, own), _mm512_mul_ps(air, cover));
                 let mixed = _mm512_sub_ps(_mm512_add_ps(behind, seen), _mm512_mul_ps(behind, cover));
                 let mixed = _mm512_mask_mov_ps(behind, drawn, mixed);
                 // As `byte`.
                 let held = _mm512_min_ps(_mm512_max_ps(mixed, set(0.0)), set(255.0));
                 let rounded = _mm512_castps_si512(_mm512_add_ps(held, set(8_388_608.0)));
-                let packed = _mm_shuffle_epi8(_mm512_cvtepi32_epi8(rounded), together);
+                let packed = _mm512_castsi512_si128(_mm512_permutexvar_epi8(together, rounded));
                 // SAFETY: only bytes are written that there are.
                 unsafe { _mm_mask_storeu_epi8(pixels.as_mut_ptr().cast(), bytes, packed) };
             }

@@ -14,9 +14,10 @@ const ROUNDING: f32 = 12_582_912.0;
 /// Brightness from about -1 to 1, mean 0, that repeats.
 #[derive(Debug)]
 pub struct Texture {
-    /// Copies, each half as large as the one before, the last one texel large. For each texel of each copy: its own brightness,
-    /// that of its right and lower neighbour, and of the one between these.
-    levels: Vec<Vec<[f32; 4]>>,
+    /// Copies, each half as large as the one before, the last one texel large. For each texel of each copy: its own brightness
+    /// and that of its lower neighbour. Behind each row comes its first texel again, so that the right neighbour is always
+    /// the next texel.
+    levels: Vec<Vec<[f32; 2]>>,
     /// Root mean square of each copy.
     spreads: Vec<f32>,
 }
@@ -133,7 +134,8 @@ impl Texture {
 
     fn reading(&self, scale: Scale) -> Reading<'_> {
         let texels = &self.levels[scale.level];
-        let shift = texels.len().ilog2() / 2;
+        // The last one has one texel.
+        let shift = (self.levels.len() - 1 - scale.level) as u32;
         Reading { texels, shift, mask: (1 << shift) - 1, strength: scale.strength }
     }
 }
@@ -151,13 +153,14 @@ macro_rules! at_avx2 {
         let fy = _mm256_sub_ps(v, _mm256_sub_ps(top, rounding));
         let column = _mm256_and_si256(_mm256_castps_si256(left), mask);
         let shift = _mm_cvtsi32_si128(reading.shift as i32);
-        let line = _mm256_sll_epi32(_mm256_and_si256(_mm256_castps_si256(top), mask), shift);
-        let places = _mm256_or_si256(line, column);
+        let line = _mm256_and_si256(_mm256_castps_si256(top), mask);
+        let places = _mm256_add_epi32(_mm256_add_epi32(_mm256_sll_epi32(line, shift), line), column);
         let first = _mm256_broadcastd_epi32(_mm256_castsi256_si128(places));
+        let pairs = avx2::Pairs::new(reading.texels);
         // Neighbours often lie between the same texels, above all of coarse textures.
-        let [a, b, c, d] = match _mm256_movemask_epi8(_mm256_cmpeq_epi32(places, first)) {
-            -1 => reading.texels[_mm256_cvtsi256_si32(places) as u32 as usize].map(|v| _mm256_set1_ps(v)),
-            _ => avx2::look_up!(reading.texels, places),
+        let [a, c, b, d] = match _mm256_movemask_epi8(_mm256_cmpeq_epi32(places, first)) {
+            -1 => pairs[_mm256_cvtsi256_si32(places) as u32 as usize].map(|v| _mm256_set1_ps(v)),
+            _ => avx2::look_up!(pairs, places),
         };
         let (upper, lower) = (avx2::mix(a, b, fx), avx2::mix(c, d, fx));
         _mm256_mul_ps(avx2::mix(upper, lower, fy), _mm256_set1_ps(reading.strength))
@@ -177,12 +180,15 @@ macro_rules! at_avx512 {
         let fy = _mm512_sub_ps(v, _mm512_sub_ps(top, rounding));
         let column = _mm512_and_si512(_mm512_castps_si512(left), mask);
         let shift = _mm_cvtsi32_si128(reading.shift as i32);
-        let line = _mm512_sll_epi32(_mm512_and_si512(_mm512_castps_si512(top), mask), shift);
-        let places = _mm512_or_si512(line, column);
+        let line = _mm512_and_si512(_mm512_castps_si512(top), mask);
+        let places = _mm512_add_epi32(_mm512_add_epi32(_mm512_sll_epi32(line, shift), line), column);
         let first = _mm512_broadcastd_epi32(_mm512_castsi512_si128(places));
-        let [a, b, c, d] = match _mm512_cmpneq_epi32_mask(places, first) {
-            0 => reading.texels[_mm512_cvtsi512_si32(places) as u32 as usize].map(|v| _mm512_set1_ps(v)),
-            _ => avx512::look_up!(reading.texels.as_flattened(), 4, places),
+        let [a, c, b, d] = match _mm512_cmpneq_epi32_mask(places, first) {
+            0 => {
+                let pairs = avx2::Pairs::new(reading.texels);
+                pairs[_mm512_cvtsi512_si32(places) as u32 as usize].map(|v| _mm512_set1_ps(v))
+            }
+            _ => avx512::look_up!(reading.texels.as_flattened(), 2, places),
         };
         let (upper, lower) = (avx512::mix(a, b, fx), avx512::mix(c, d, fx));
         _mm512_mul_ps(avx512::mix(upper, lower, fy), _mm512_set1_ps(reading.strength))
@@ -191,7 +197,7 @@ macro_rules! at_avx512 {
 
 /// One copy of the texture, as it is read.
 struct Reading<'a> {
-    texels: &'a [[f32; 4]],
+    texels: &'a [[f32; 2]],
     /// The copy has `1 << shift` texels along a side, and `mask` takes what is beyond.
     shift: u32,
     mask: u32,
@@ -219,8 +225,9 @@ impl Reading<'_> {
         // and the lowest bits are those of the whole number.
         let (left, top) = (u - 0.5 + ROUNDING, v - 0.5 + ROUNDING);
         let (fx, fy) = (u - (left - ROUNDING), v - (top - ROUNDING));
-        let index = ((top.to_bits() & self.mask) << self.shift) | (left.to_bits() & self.mask);
-        let [a, b, c, d] = self.texels[index as usize];
+        let line = top.to_bits() & self.mask;
+        let index = ((line << self.shift) + line + (left.to_bits() & self.mask)) as usize;
+        let ([a, c], [b, d]) = (self.texels[index], self.texels[index + 1]);
         let upper = a + (b - a) * fx;
         let lower = c + (d - c) * fx;
         (upper + (lower - upper) * fy) * self.strength
@@ -303,14 +310,14 @@ impl Reading<'_> {
     }
 }
 
-/// Each texel with its neighbours.
-fn with_neighbours(level: &[f32]) -> Vec<[f32; 4]> {
+/// Each texel with its lower neighbour, and behind each row its first texel again.
+fn with_neighbours(level: &[f32]) -> Vec<[f32; 2]> {
     let size = level.len().isqrt();
     let texel = |x: usize, y: usize| level[y % size * size + x % size];
-    (0..size * size)
+    (0..size * (size + 1))
         .map(|i| {
-            let (x, y) = (i % size, i / size);
-            [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)]
+            let (x, y) = (i % (size + 1), i / (size + 1));
+            [texel(x, y), texel(x, y + 1)]
         })
         .collect()
 }
