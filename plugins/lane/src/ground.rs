@@ -126,30 +126,49 @@ impl Ground<'_> {
         let RoadPlaces { offset, wide, near, .. } = &room.places;
         let [red, green, blue] = room.colours.each_mut().map(Vec::as_mut_slice);
         self.section.fill(&Across { offset, wide, near }, [red, green, blue, &mut room.rough]);
-        overgrow(offset, &mut room.meadow);
 
         // Its texture.
         self.texture.fill(&mut room.grain, (line.start, line.across), ground.grain);
         self.texture.fill(&mut room.patches, (line.start, line.across), ground.patches);
         let light = &self.scene.light;
         let left = 0.5 - self.projection.centre_x as f32;
-        light_up(ground.beam, left, ground.pixel_width, &room.numbers, &mut room.beam);
+        let beam = (ground.beam, left, ground.pixel_width);
         match (&self.scene.wear, &ground.weathered) {
             (Some(wear), Some(row)) => {
+                overgrow(offset, &mut room.meadow);
+                light_up(beam, &room.numbers, &mut room.beam);
                 self.texture.fill(&mut room.leaves, (line.start, line.across), row.leaves);
                 let Self { section, damage, .. } = self;
                 weathered::finish(&Weathered { section, damage, wear, light }, row, ground.haze, room);
             }
             _ => {
-                paint_middle(self.section, &room.places, &mut room.colours);
-                roughen(&mut room.rough, &room.grain, &mut room.meadow, &room.patches);
-                for channel in 0..3 {
-                    let (patch, ambient) = (PATCH[channel], light.ambient[channel]);
-                    let air = (light.haze[channel] * ground.haze, 1.0 - ground.haze);
-                    let Room { colours, rough, meadow, beam, bytes, .. } = room;
-                    let (colours, bytes) = (&colours[channel], &mut bytes[channel]);
-                    finish(colours, rough, meadow, beam, patch, ambient, air, bytes);
-                }
+                let RoadPlaces { along, deep, .. } = &room.places;
+                let mut blocks = [0; 2];
+                find_middle(offset, wide, near, &mut blocks);
+                let of = blocks[0] * BLOCK..blocks[1] * BLOCK;
+                let [red, green, blue] = room.colours.each_mut().map(|colours| &mut colours[of.clone()]);
+                let places = (&offset[of.clone()], &wide[of.clone()], &along[of.clone()], &deep[of]);
+                let (offsets, wides, alongs, deeps) = places;
+                paint_middle(self.section, offsets, wides, alongs, deeps, red, green, blue);
+                let air = (light.haze.map(|haze| haze * ground.haze), 1.0 - ground.haze);
+                let Room { colours: [red, green, blue], rough, grain, patches, numbers, .. } = room;
+                let [reds, greens, blues] = &mut room.bytes;
+                finish(
+                    light.ambient,
+                    air,
+                    beam,
+                    red,
+                    green,
+                    blue,
+                    rough,
+                    grain,
+                    offset,
+                    patches,
+                    numbers,
+                    reds,
+                    greens,
+                    blues,
+                );
             }
         }
         interleave(&room.bytes, row);
@@ -157,74 +176,91 @@ impl Ground<'_> {
 }
 
 vectorised! {
-    /// Paints the line in the middle of a drawn road.
-    fn paint_middle / paint_middle_avx2 / paint_middle_avx512(section: &Section, places: &RoadPlaces, colours: &mut [Vec<f32>; 3]) {
-        let RoadPlaces { offset, along, wide, deep, near, .. } = places;
+    /// Finds the blocks from the first to behind the last that cover a part of the line in the middle of the road.
+    fn find_middle / find_middle_avx2 / find_middle_avx512(offset: &[f32], wide: &[f32], near: &[bool], range: &mut [usize; 2]) {
+        *range = [0; 2];
         let blocks = offset.as_chunks::<BLOCK>().0.iter().zip(wide.as_chunks::<BLOCK>().0);
         for (block, ((offsets, wides), near)) in blocks.zip(near).enumerate() {
-            if !near || !section::is_at_middle(offsets, wides) {
-                continue;
-            }
-            let (alongs, deeps) = (&along.as_chunks::<BLOCK>().0[block], &deep.as_chunks::<BLOCK>().0[block]);
-            let mut shares = [0.0; BLOCK];
-            for i in 0..BLOCK {
-                let share = section.middle_line(offsets[i], wides[i], alongs[i], deeps[i]);
-                shares[i] = if offsets[i].abs() < section::HALF_WIDTH + 1.0 { share } else { 0.0 };
-            }
-            for (colours, yellow) in colours.iter_mut().zip(section::YELLOW) {
-                for (colour, share) in colours.as_chunks_mut::<BLOCK>().0[block].iter_mut().zip(shares) {
-                    let painted = *colour + (yellow - *colour) * share;
-                    *colour = if share > 0.0 { painted } else { *colour };
-                }
+            if *near && section::is_at_middle(offsets, wides) {
+                *range = [if range[1] == 0 { block } else { range[0] }, block + 1];
             }
         }
     }
+}
+
+vectorised! {
+    /// Paints the line in the middle of a drawn road.
+    fn paint_middle / paint_middle_avx2 / paint_middle_avx512(
+        section: &Section, offset: &[f32], wide: &[f32], along: &[f32], deep: &[f32], red: &mut [f32], green: &mut [f32],
+        blue: &mut [f32],
+    ) {
+        let places = offset.iter().zip(wide).zip(along).zip(deep);
+        let colours = red.iter_mut().zip(green).zip(blue);
+        for ((((offset, wide), along), deep), ((red, green), blue)) in places.zip(colours) {
+            let share = section.middle_line(*offset, *wide, *along, *deep);
+            let share = if offset.abs() < section::HALF_WIDTH + 1.0 { share } else { 0.0 };
+            for (colour, yellow) in [red, green, blue].into_iter().zip(section::YELLOW) {
+                let painted = *colour + (yellow - *colour) * share;
+                *colour = if share > 0.0 { painted } else { *colour };
+            }
+        }
+    }
+}
+
+/// The light of the headlights at a pixel: of a beam with its strength and half its width, from the first pixel's distance to the
+/// right of the optical axis in pixels, and the width of a pixel.
+#[inline(always)]
+fn headlights(((strength, half_width), left, pixel_width): ((f32, f32), f32, f32), number: f32) -> f32 {
+    let side = (number + left) * (pixel_width / half_width);
+    strength * (1.0 - side * side).max(0.0)
+}
+
+/// How much of a place is meadow, from how far to the right of the middle of the road it lies.
+#[inline(always)]
+fn meadow(offset: f32) -> f32 {
+    (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0)
 }
 
 vectorised! {
     /// Writes the light of the headlights along a row.
-    fn light_up / light_up_avx2 / light_up_avx512(
-        beam: (f32, f32), left: f32, pixel_width: f32, numbers: &[f32], into: &mut [f32],
-    ) {
-        let (strength, half_width) = beam;
-        let scale = pixel_width / half_width;
+    fn light_up / light_up_avx2 / light_up_avx512(beam: ((f32, f32), f32, f32), numbers: &[f32], into: &mut [f32]) {
         for (light, number) in into.iter_mut().zip(numbers) {
-            let side = (number + left) * scale;
-            *light = strength * (1.0 - side * side).max(0.0);
+            *light = headlights(beam, *number);
         }
     }
 }
 
 vectorised! {
-    /// Says how much of each place is meadow, from how far to the right of the middle of the road it lies.
-    fn overgrow / overgrow_avx2 / overgrow_avx512(offset: &[f32], meadow: &mut [f32]) {
-        for (meadow, offset) in meadow.iter_mut().zip(offset) {
-            *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
+    /// Writes how much of each place is meadow.
+    fn overgrow / overgrow_avx2 / overgrow_avx512(offset: &[f32], into: &mut [f32]) {
+        for (share, offset) in into.iter_mut().zip(offset) {
+            *share = meadow(*offset);
         }
     }
 }
 
 vectorised! {
-    /// Turns how rough a surface is into what its texture makes of its brightness, and meadow into patches.
-    fn roughen / roughen_avx2 / roughen_avx512(rough: &mut [f32], grain: &[f32], meadow: &mut [f32], patches: &[f32]) {
-        for (((rough, grain), meadow), patch) in rough.iter_mut().zip(grain).zip(meadow).zip(patches) {
-            *rough = 1.0 + *rough * grain * 1.6;
-            *meadow *= patch;
-        }
-    }
-}
-
-vectorised! {
-    /// One channel of a drawn row under light and air.
+    /// A drawn row under light and air: roughened by the texture's grain, with patches in the meadow. `air` is its colour with its
+    /// share in it, and the share of what lies behind.
     fn finish / finish_avx2 / finish_avx512(
-        colours: &[f32], rough: &[f32], meadow: &[f32], beam: &[f32], patch: f32, ambient: f32, air: (f32, f32),
-        bytes: &mut [u8],
+        ambient: [f32; 3], air: ([f32; 3], f32), beam: ((f32, f32), f32, f32), red: &[f32], green: &[f32], blue: &[f32],
+        rough: &[f32], grain: &[f32], offset: &[f32], patches: &[f32], numbers: &[f32], reds: &mut [u8], greens: &mut [u8],
+        blues: &mut [u8],
     ) {
         let (haze, clear) = air;
-        let surface = colours.iter().zip(rough).zip(meadow).zip(beam);
-        for (out, (((colour, rough), meadow), beam)) in bytes.iter_mut().zip(surface) {
-            let colour = colour * rough + meadow * patch;
-            *out = byte(colour * ((ambient + beam) * clear) + haze);
+        let count = reds.len();
+        let (red, green, blue, rough) = (&red[..count], &green[..count], &blue[..count], &rough[..count]);
+        let (grain, offset, patches) = (&grain[..count], &offset[..count], &patches[..count]);
+        let (numbers, greens, blues) = (&numbers[..count], &mut greens[..count], &mut blues[..count]);
+        for i in 0..count {
+            let rough = 1.0 + rough[i] * grain[i] * 1.6;
+            let patch = meadow(offset[i]) * patches[i];
+            let beam = headlights(beam, numbers[i]);
+            let lit = |colour: f32, channel: usize| {
+                let colour = colour * rough + patch * PATCH[channel];
+                byte(colour * ((ambient[channel] + beam) * clear) + haze[channel])
+            };
+            (reds[i], greens[i], blues[i]) = (lit(red[i], 0), lit(green[i], 1), lit(blue[i], 2));
         }
     }
 }

@@ -52,6 +52,8 @@ mod weathered;
 #[cfg(test)]
 mod condition_tests;
 #[cfg(test)]
+mod frame_times;
+#[cfg(test)]
 mod pictures;
 #[cfg(test)]
 mod tests;

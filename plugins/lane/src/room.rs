@@ -66,6 +66,11 @@ pub fn byte(value: f32) -> u8 {
 /// Writes channels as pixels; they may be longer than the row.
 pub fn interleave(channels: &[Vec<u8>; 3], row: &mut [u8]) {
     #[cfg(target_arch = "x86_64")]
+    if crate::simd::has_avx512() {
+        // SAFETY: the processor has all that this version asks for.
+        return unsafe { interleave_avx512(channels, row) };
+    }
+    #[cfg(target_arch = "x86_64")]
     if crate::simd::has_avx2() {
         // SAFETY: the processor has AVX2, which is all that this version asks for.
         return unsafe { interleave_avx2(channels, row) };
@@ -112,6 +117,39 @@ fn interleave_avx2(channels: &[Vec<u8>; 3], row: &mut [u8]) {
             // SAFETY: it has the sixteen bytes of a register.
             unsafe { _mm_storeu_si128(register.as_mut_ptr().cast(), bytes) };
         }
+    }
+    interleave_from(done * 16, channels, row);
+}
+
+/// Sixteen pixels at a time: one permutation of a register that holds the bytes of all channels.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512bw,avx512dq,avx512vl,avx512vbmi")]
+fn interleave_avx512(channels: &[Vec<u8>; 3], row: &mut [u8]) {
+    use std::arch::x86_64::*;
+
+    /// Which byte of the register goes where; the last sixteen are not written.
+    const ORDER: [u8; 64] = {
+        let mut order = [0; 64];
+        let mut at = 0;
+        while at < 48 {
+            order[at] = (at % 3 * 16 + at / 3) as u8;
+            at += 1;
+        }
+        order
+    };
+    // SAFETY: there are the 64 bytes of a register.
+    let order = unsafe { _mm512_loadu_si512(ORDER.as_ptr().cast()) };
+    let [red, green, blue] = channels.each_ref().map(|channel| channel.as_chunks::<16>().0);
+    let groups = row.as_chunks_mut::<48>().0;
+    let done = groups.len().min(red.len());
+    for (((pixels, red), green), blue) in groups.iter_mut().zip(red).zip(green).zip(blue) {
+        // SAFETY: each has the sixteen bytes of a quarter of a register.
+        let [red, green, blue] =
+            [red, green, blue].map(|bytes| unsafe { _mm_loadu_si128(bytes.as_ptr().cast()) });
+        let both = _mm512_inserti32x4::<1>(_mm512_castsi128_si512(red), green);
+        let bytes = _mm512_permutexvar_epi8(order, _mm512_inserti32x4::<2>(both, blue));
+        // SAFETY: 48 bytes are written, for which there is room.
+        unsafe { _mm512_mask_storeu_epi8(pixels.as_mut_ptr().cast(), (1 << 48) - 1, bytes) };
     }
     interleave_from(done * 16, channels, row);
 }

@@ -138,10 +138,8 @@ impl Sky {
             if y + 0.5 <= first {
                 continue;
             }
-            for channel in 0..3 {
-                let air = (colour[channel], light.haze[channel]);
-                cover_by_hills(&mut colours[channel], tops, air, self.horizon, y);
-            }
+            let [red, green, blue] = &mut *colours;
+            cover_by_hills(red, green, blue, tops, (colour, light.haze), self.horizon, y);
         }
         for (bytes, colours) in room.bytes.iter_mut().zip(&self.colours) {
             to_bytes(colours, bytes);
@@ -173,16 +171,19 @@ vectorised! {
 }
 
 vectorised! {
+    /// `air` is the colour of the hills and that of the air before them.
     fn cover_by_hills / cover_by_hills_avx2 / cover_by_hills_avx512(
-        values: &mut [f32], tops: &[f32], air: (f32, f32), horizon: f32, y: f32,
+        red: &mut [f32], green: &mut [f32], blue: &mut [f32], tops: &[f32], air: ([f32; 3], [f32; 3]), horizon: f32, y: f32,
     ) {
         let (hill, haze) = air;
-        for (value, top) in values.iter_mut().zip(tops) {
+        for (((red, green), blue), top) in red.iter_mut().zip(green).zip(blue).zip(tops) {
             let cover = (y + 0.5 - top).clamp(0.0, 1.0);
             // Haze gathers at the foot of the hills.
             let share = ((y - top) / (horizon - top + 1.0)).clamp(0.0, 1.0) * 0.45;
-            let seen = hill + (haze - hill) * share;
-            *value += (seen - *value) * cover;
+            for (channel, value) in [red, green, blue].into_iter().enumerate() {
+                let seen = hill[channel] + (haze[channel] - hill[channel]) * share;
+                *value += (seen - *value) * cover;
+            }
         }
     }
 }
