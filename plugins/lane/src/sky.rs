@@ -117,7 +117,7 @@ impl Sky {
         let light = &scene.light;
         let colours = &mut self.colours;
         for (channel, colour) in colours.iter_mut().zip(sky.colour) {
-            channel.fill(colour);
+            fill(channel, colour);
         }
         // Not where the near hills hide it anyway.
         let open = y < self.hill_ranges[1].1 + 1.0;
@@ -145,6 +145,12 @@ impl Sky {
             to_bytes(colours, bytes);
         }
         interleave(&room.bytes, row);
+    }
+}
+
+vectorised! {
+    fn fill / fill_avx2 / fill_avx512(values: &mut [f32], value: f32) {
+        values.fill(value);
     }
 }
 

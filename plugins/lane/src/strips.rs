@@ -64,6 +64,8 @@ pub fn draw(picture: &Picture<'_>, paint: &Paint, frame: &mut [u8], pitch: usize
     };
     let quarters = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
     let (mut tops, mut belows) = ([0u32; ROWS], [0.0f32; ROWS]);
+    // Of sixteen columns, which are four strips.
+    let mut placed_columns = (_mm512_setzero_si512(), _mm512_setzero_ps());
     for first in picture.rows.clone().step_by(ROWS) {
         let count = ROWS.min(picture.rows.end - first);
         for from in (0..count).step_by(LANES) {
@@ -73,12 +75,18 @@ pub fn draw(picture: &Picture<'_>, paint: &Paint, frame: &mut [u8], pitch: usize
             store(&mut belows[from..from + LANES], !0, below);
         }
         for left in picture.columns.clone().step_by(WIDTH) {
+            let strip = (left - picture.columns.start) / WIDTH % (LANES / WIDTH);
+            if strip == 0 {
+                placed_columns = placed(left, 0);
+            }
+            let (whole, shares) = placed_columns;
             let width = WIDTH.min(picture.columns.end - left);
-            let (whole, shares) = placed(left, 0);
-            let fx = _mm512_permutexvar_ps(quarters, shares);
+            let of = _mm512_add_epi32(quarters, _mm512_set1_epi32((strip * WIDTH) as i32));
+            let fx = _mm512_permutexvar_ps(of, shares);
+            let whole = _mm512_castsi512_si128(_mm512_maskz_compress_epi32(0xF << (strip * WIDTH), whole));
             let mut columns = [0u32; WIDTH];
             // SAFETY: there is room for four, which need no alignment.
-            unsafe { _mm_storeu_si128(columns.as_mut_ptr().cast(), _mm512_castsi512_si128(whole)) };
+            unsafe { _mm_storeu_si128(columns.as_mut_ptr().cast(), whole) };
             // From the first row on which any of these columns shows something to the last one.
             let (mut start, mut end) = (u32::MAX, 0);
             for column in &columns[..width] {

@@ -164,7 +164,11 @@ vectorised! {
                     continue;
                 }
                 let edge = ground.section.edge_line(offset, wide[i]);
-                let middle = ground.section.middle_line(offset, wide[i], along[i], deep[i]);
+                let middle = match offset.abs() < section::LINE_WIDTH as f32 / 2.0 + wide[i] {
+                    true => ground.section.middle_line(offset, wide[i], along[i], deep[i]),
+                    // It would say so too, after more work.
+                    false => 0.0,
+                };
                 let (share, colour) = if edge > middle { (edge, WHITE) } else { (middle, YELLOW) };
                 if share > 0.0 {
                     let texture = 0.7 * room.grain[i] + 0.8 * room.leaves[i];
