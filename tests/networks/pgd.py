@@ -1,7 +1,8 @@
 """Projected gradient descent in plain PyTorch, written from the paper, against what `pdk corrupt` made of the same frames with `pgd`.
 The shifts of the steering of both are measured by this program.
 
-MODEL.onnx FRAMES PERTURBED EPSILON linf|l2 away|left|right. Frames are PNG files, since decoders of JPEG differ. It needs pip install torch numpy onnx pillow.
+MODEL.onnx FRAMES EPSILON linf|l2 away|left|right PERTURBED...; each folder PERTURBED is what `pdk corrupt` made with another seed, and the attack of this
+program is repeated for each. Frames are PNG files, since decoders of JPEG differ. It needs pip install torch numpy onnx pillow.
 """
 import pathlib
 import sys
@@ -13,7 +14,7 @@ import torch.nn.functional as F
 from onnx import numpy_helper
 from PIL import Image
 
-MODEL, FRAMES, PERTURBED, EPSILON, NORM, GOAL = sys.argv[1:]
+MODEL, FRAMES, EPSILON, NORM, GOAL, *PERTURBED = sys.argv[1:]
 EPSILON = float(EPSILON)
 STEPS, STEP, SPEED = 10, 0.25, 8.0
 SIDES = {"left": [-1], "right": [1], "away": [1, -1]}[GOAL]
@@ -83,15 +84,20 @@ def read(path):
     return torch.tensor(np.asarray(Image.open(path).convert("RGB"), np.float32))
 
 
+names = sorted(path.name for path in pathlib.Path(FRAMES).glob("*.png"))
 shifts, changes = [], []
-for path in sorted(pathlib.Path(FRAMES).glob("*.png")):
-    frame, theirs = read(path), read(pathlib.Path(PERTURBED) / path.name)
-    own = attack(frame)
-    before, *after = [steering(x).item() for x in (frame, theirs, own)]
-    shifts.append([abs(x - before) for x in after])
-    changes.append([(theirs - frame).abs().max().item()] + [((x - frame) ** 2).mean().sqrt().item() for x in (theirs, own)])
+for folder in PERTURBED:
+    for name in names:
+        frame, theirs = read(pathlib.Path(FRAMES) / name), read(pathlib.Path(folder) / name)
+        own = attack(frame)
+        before, *after = [steering(x).item() for x in (frame, theirs, own)]
+        shifts.append([abs(x - before) for x in after])
+        changes.append([(theirs - frame).abs().max().item()] + [((x - frame) ** 2).mean().sqrt().item() for x in (theirs, own)])
 shifts, changes = np.array(shifts), np.array(changes)
-print(f"{len(shifts)} frames, epsilon {EPSILON} {NORM} {GOAL}")
+print(f"{len(names)} frames, {len(PERTURBED)} times, epsilon {EPSILON:g} {NORM} {GOAL}")
 for name, shift in zip(("pdk", "torch"), shifts.T):
-    print(f"{name:5}  mean shift {shift.mean():.4f}, moved by more than 0.1: {np.mean(shift > 0.1):.3f}, by more than 0.3: {np.mean(shift > 0.3):.3f}")
-print(f"pdk / torch {shifts[:, 0].mean() / shifts[:, 1].mean():.4f}; largest change of pdk {changes[:, 0].max():.0f}, root mean square {changes[:, 1].max():.3f} and {changes[:, 2].max():.3f}")
+    shares = ", ".join(f"by more than {limit}: {np.mean(shift > limit):.1%}" for limit in (0.1, 0.3))
+    print(f"  {name:5}  mean shift {shift.mean():.4f}, {shares}")
+difference = shifts[:, 0] - shifts[:, 1]
+ratio, error = shifts[:, 0].mean() / shifts[:, 1].mean(), difference.std(ddof=1) / len(difference) ** 0.5 / shifts[:, 1].mean()
+print(f"  pdk / torch {ratio:.4f}, standard error {error:.4f}; largest change {changes[:, 0].max():.0f}, root mean square at most {changes[:, 1].max():.3f} and {changes[:, 2].max():.3f}")
