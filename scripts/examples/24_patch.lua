@@ -1,4 +1,4 @@
--- A trained patch on the road beside a plain one of the same size: on how many roads the driver leaves the lane.
+-- A trained patch on the road beside plain ones of the same size: on how many roads the driver leaves the lane.
 
 local settings = pdk.settings({
 	driver = "dave2",
@@ -31,8 +31,8 @@ end
 
 local scenarios, rows, row_of = {}, {}, {}
 for _, size in settings.sizes do
-	for _, show in { "picture", "mean" } do
-		local what = if show == "picture" then "trained" else "mean colour"
+	for _, shown in { { "picture", "trained" }, { "mean", "mean colour" }, { "grey", "grey" } } do
+		local show, what = table.unpack(shown)
 		table.insert(rows, { patch = `{what}, {size} m wide`, failed = 0, far = 0 })
 		for seed = 1, settings.roads do
 			table.insert(row_of, rows[#rows])

@@ -37,7 +37,12 @@ fn simulator(name: &str, more: Value) -> String {
 }
 
 fn beamng(port: u16) -> String {
-    simulator("beamng", json!({"port": port, "start_seconds": 5, "answer_seconds": 3}))
+    waiting(port, 40)
+}
+
+/// The adapter that waits this many seconds for a game to start and for an answer: few if nothing will come.
+fn waiting(port: u16, seconds: u64) -> String {
+    simulator("beamng", json!({"port": port, "start_seconds": seconds, "answer_seconds": seconds}))
 }
 
 fn run(folder: &Path, record: &str, simulator: &str) -> Pdk {
@@ -175,7 +180,8 @@ fn another_program_at_the_port_is_reported() {
                 std::thread::spawn(move || stream.read_to_end(&mut Vec::new()));
             }
         });
-        tried::run(PIPELINE, &[("simulator", &beamng(port))]).says(1, &["BeamNG.tech at 127.0.0.1:", says]);
+        tried::run(PIPELINE, &[("simulator", &waiting(port, 5))])
+            .says(1, &["BeamNG.tech at 127.0.0.1:", says]);
     }
 }
 
@@ -210,7 +216,7 @@ fn a_scenario_whose_game_is_lost_is_driven_again() {
 #[ignore = "long: .ci/run runs it"]
 fn one_that_hangs_ends_the_run() {
     let game = BeamNgGame::start(Setup { fault: Some((Fault::Hang, 12)), ..Setup::default() });
-    let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
+    let tried = tried::run(PIPELINE, &[("simulator", &waiting(game.port(), 3))]);
     // It still hangs when it is connected to again.
     tried.says(1, &["simulator `beamng`", "has not answered `Hello` within 3 s"]);
     assert!(tried.lines.is_empty(), "{:?}", tried.lines);

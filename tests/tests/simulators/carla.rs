@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 fn simulator(port: u16, more: Value) -> String {
     let mut simulator = json!({
         "name": "carla", "port": port, "width": 80, "height": 60, "rate": 20, "field_of_view": 75, "camera_height": 1.35,
-        "camera_pitch": 8, "initial_speed": 8, "start_seconds": 10, "answer_seconds": 5,
+        "camera_pitch": 8, "initial_speed": 8, "start_seconds": 40, "answer_seconds": 40,
         "exposure_seconds": 0,
     });
     simulator.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
@@ -423,7 +423,7 @@ fn an_unsupported_server_version_is_reported() {
                 std::thread::sleep(Duration::from_millis(5));
             }
         });
-        let other = wrong(&simulator(port, json!({})));
+        let other = wrong(&simulator(port, json!({"start_seconds": 10, "answer_seconds": 5})));
         assert_eq!(other.finished.code, Some(1), "{what}");
         assert!(other.error().contains(part), "{what}: {}", other.error());
         drop(serving);
@@ -450,7 +450,9 @@ fn a_server_that_breaks_in_mid_scenario_is_reported() {
         (Fault::Steps, &["nonsense"], "another client of CARLA steps the same server"),
     ] {
         let server = CarlaServer::start(Setup { fault: Some((fault, 15)), ..Setup::default() });
-        let broken = wrong(&simulator(server.port(), json!({})));
+        // Only what falls silent has to be noticed soon.
+        let patience = if kinds == ["late"] { 5 } else { 40 };
+        let broken = wrong(&simulator(server.port(), json!({"answer_seconds": patience})));
         // Whatever it did, it goes on by itself, and has nothing of pdk in it: one that only hung hears that later.
         assert!(comes_true(LIMIT, || !server.is_synchronous()), "{fault:?}");
         assert_left_as_it_was(&server);

@@ -65,8 +65,10 @@ fn run(driver: &Value, more: &[(&str, &str)]) -> Tried {
 fn pilot(folder: &Path, fault: &str) -> Value {
     let script = folder.join("pilot.py");
     std::fs::write(&script, PILOT).unwrap();
+    // Only silence has to be noticed soon.
+    let patience = if ["hang", "late"].contains(&fault) { 2 } else { 40 };
     json!({
-        "name": "process", "command": ["python3", script, fault, folder.join("mark")], "answer_seconds": 2, "start_seconds": 30
+        "name": "process", "command": ["python3", script, fault, folder.join("mark")], "answer_seconds": patience, "start_seconds": 40
     })
 }
 

@@ -71,9 +71,11 @@ fn run(fault: &str) -> (Finished, Vec<Value>) {
     let script = folder.path().join("town.py");
     std::fs::write(&script, TOWN).unwrap();
     let out = folder.path().join("out");
+    // Only silence has to be noticed soon.
+    let patience = if fault == "hang" { 2 } else { 40 };
     let simulator = json!({
         "name": "process", "command": ["python3", script, fault, folder.path().join("mark")],
-        "width": 64, "height": 48, "rate": 10, "answer_seconds": 2, "start_seconds": 30,
+        "width": 64, "height": 48, "rate": 10, "answer_seconds": patience, "start_seconds": 40,
     });
     let (variable, place) = bus.variable();
     let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));

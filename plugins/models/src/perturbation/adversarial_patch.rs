@@ -12,12 +12,15 @@ use crate::attack::artwork;
 const NEAREST: f64 = 0.5;
 const FURTHEST: f64 = 60.0;
 
+/// The grey of a plain patch: the middle of the values of a frame.
+const GREY: f32 = 128.0;
+
 /// Lays a picture over the frame.
 pub struct AdversarialPatch {
     picture: FrameBuf,
     values: Vec<f32>,
-    /// Whether the mean colour is shown in place of the picture.
-    is_mean: bool,
+    /// Whether one colour is shown in place of the picture.
+    is_plain: bool,
     place: Place,
     /// Whether what is nearer hides it, by the simulator's depth.
     is_hidden: bool,
@@ -61,8 +64,8 @@ impl Component for AdversarialPatch {
         )
         .parameter(Parameter::choice(
             "show",
-            &["picture", "mean"],
-            "picture: as it is; mean: a patch of its mean colour, to compare it with",
+            &["picture", "mean", "grey"],
+            "picture: as it is; mean and grey: a plain patch to compare it with, of its mean colour or of the grey 128",
         ))
         .parameter(Parameter::choice("on", &["road", "frame"], "where it lies: on the road, or over a box of the frame"))
         .parameter(
@@ -153,9 +156,12 @@ impl Component for AdversarialPatch {
 
     fn new(config: &Config) -> Result<Self> {
         let picture = artwork::read(config)?;
-        let is_mean = config.text("show") == "mean";
-        let values = decal::values(picture.as_ref());
-        let values = if is_mean { decal::mean(&values) } else { values };
+        let shown = decal::values(picture.as_ref());
+        let (is_plain, values) = match config.text("show") {
+            "mean" => (true, decal::mean(&shown)),
+            "grey" => (true, vec![GREY; shown.len()]),
+            _ => (false, shown),
+        };
         let number = |name| config.number(name);
         let place = match config.text("on") {
             "frame" => Place::Frame { middle: [number("across"), number("down")] },
@@ -172,7 +178,7 @@ impl Component for AdversarialPatch {
             },
         };
         let is_hidden = config.text("depth") == "simulator";
-        Ok(Self { picture, values, is_mean, place, is_hidden, laid: None })
+        Ok(Self { picture, values, is_plain, place, is_hidden, laid: None })
     }
 }
 
@@ -210,8 +216,8 @@ impl Perturbation for AdversarialPatch {
                 self.picture.height()
             )));
         }
-        if self.is_mean {
-            return Err(Error::new("its mean colour is shown in place of the picture; set `show=picture`"));
+        if self.is_plain {
+            return Err(Error::new("a plain patch is shown in place of the picture; set `show=picture`"));
         }
         let depth = self.depth(size, cx)?;
         self.lay(size, cx);
@@ -376,6 +382,8 @@ mod tests {
             (mean.as_ref().pixel(x as usize, y as usize), bounds(&mean)),
             ([100, 0, 50], bounds(&frame))
         );
+        let grey = laid(json!({"distance": 8.0, "stretch": 1.0, "offset": 1.0, "show": "grey"}), 3.0, None);
+        assert_eq!((grey.as_ref().pixel(x as usize, y as usize), bounds(&grey)), ([128; 3], bounds(&frame)));
     }
 
     #[test]
