@@ -88,7 +88,10 @@ impl Image {
 pub struct Workspace {
     between: Vec<f32>,
     padded: Vec<f32>,
-    sum: Vec<f32>,
+    /// Where the values begin that are added up, in the order of their distance from the first one.
+    starts: Vec<usize>,
+    /// Where values begin, and their weight.
+    weighted: Vec<(usize, f32)>,
 }
 
 /// The weights of a Gaussian at the distances 0 to `radius`; with those on the other side they sum to 1.
@@ -102,23 +105,29 @@ pub fn gaussian(sigma: f64, radius: usize) -> Vec<f32> {
 pub fn separable(image: &mut Image, down: &[f32], right: &[f32], edge: Edge, workspace: &mut Workspace) {
     let Image { width, height, channels, .. } = *image;
     let line = width * channels;
-    let Workspace { between, padded, .. } = workspace;
+    let Workspace { between, padded, starts, .. } = workspace;
     between.resize(line * height, 0.0);
-    for (y, sum) in between.chunks_exact_mut(line).enumerate() {
-        scale(image.row(y), sum, down[0]);
-        for (distance, weight) in down.iter().enumerate().skip(1) {
-            let at = |moved: isize| image.row(edge.place(y as isize + moved, height));
-            add_both(at(-(distance as isize)), at(distance as isize), sum, *weight);
+    let reach = down.len() - 1;
+    let rows = -(reach as isize)..(height + reach) as isize;
+    for first in (0..line).step_by(STRIP) {
+        let strip = first..(first + STRIP).min(line);
+        starts.clear();
+        starts.extend(rows.clone().map(|y| edge.place(y, height) * line + first));
+        for (around, sum) in starts.windows(2 * reach + 1).zip(between.chunks_exact_mut(line)) {
+            let sum = &mut sum[strip.clone()];
+            sum.fill(0.0);
+            add_around(&image.values, around, down, sum);
         }
     }
     let reach = right.len() - 1;
+    padded.resize((width + 2 * reach) * channels, 0.0);
+    starts.clear();
+    starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
     for (from, sum) in between.chunks_exact(line).zip(image.values.chunks_exact_mut(line)) {
-        pad(from, width, channels, reach, edge, padded);
-        let at = |moved: isize| &padded[(reach as isize + moved) as usize * channels..][..line];
-        scale(at(0), sum, right[0]);
-        for (distance, weight) in right.iter().enumerate().skip(1) {
-            add_both(at(-(distance as isize)), at(distance as isize), sum, *weight);
-        }
+        padded[reach * channels..][..line].copy_from_slice(from);
+        pad(padded, width, channels, reach, edge);
+        sum.fill(0.0);
+        add_around(padded, starts, right, sum);
     }
 }
 
@@ -134,25 +143,23 @@ pub fn symmetric(
     let Image { width, height, channels, .. } = *image;
     let line = width * channels;
     into.resize(width, height, channels);
-    let Workspace { padded, sum, .. } = workspace;
-    sum.resize(line, 0.0);
+    let Workspace { padded, starts, .. } = workspace;
     for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
         total.fill(0.0);
         for (distance, weights) in quadrant.iter().enumerate() {
+            // Weights of 0 add nothing, and kernels are often wider than what is not 0 in them.
+            let Some(reach) = weights.iter().rposition(|weight| *weight != 0.0) else { continue };
             let at = |moved: isize| image.row(edge.place(y as isize + moved, height));
-            scale(at(distance as isize), sum, 1.0);
-            if distance > 0 {
-                let above = at(-(distance as isize));
-                add(above, sum, 1.0);
+            padded.resize((width + 2 * reach) * channels, 0.0);
+            let row = &mut padded[reach * channels..][..line];
+            match distance as isize {
+                0 => row.copy_from_slice(at(0)),
+                distance => add_rows(at(distance), at(-distance), row),
             }
-            let reach = weights.len() - 1;
-            pad(sum, width, channels, reach, edge, padded);
-            let at = |moved: isize| &padded[(reach as isize + moved) as usize * channels..][..line];
-            add(at(0), total, weights[0]);
-            for (distance, weight) in weights.iter().enumerate().skip(1).filter(|(_, weight)| **weight != 0.0)
-            {
-                add_both(at(-(distance as isize)), at(distance as isize), total, *weight);
-            }
+            pad(padded, width, channels, reach, edge);
+            starts.clear();
+            starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
+            add_around(padded, starts, &weights[..=reach], total);
         }
     }
 }
@@ -164,32 +171,30 @@ pub fn moved(image: &Image, copies: &[([isize; 2], f32)], into: &mut Image, work
     into.resize(width, height, channels);
     let furthest = copies.iter().map(|([right, _], _)| right.unsigned_abs()).max().unwrap_or_default();
     let stride = line + 2 * furthest * channels;
-    let Workspace { padded, between, .. } = workspace;
+    let Workspace { between, weighted, .. } = workspace;
     between.resize(stride * height, 0.0);
     for (y, to) in between.chunks_exact_mut(stride).enumerate() {
-        pad(image.row(y), width, channels, furthest, Edge::Nearest, padded);
-        to.copy_from_slice(&padded[..stride]);
+        to[furthest * channels..][..line].copy_from_slice(image.row(y));
+        pad(to, width, channels, furthest, Edge::Nearest);
     }
     for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
-        total.fill(0.0);
-        for ([right, down], weight) in copies {
+        weighted.clear();
+        weighted.extend(copies.iter().map(|([right, down], weight)| {
             let row = Edge::Nearest.place(y as isize - down, height);
-            let start = row * stride + (furthest as isize - right) as usize * channels;
-            add(&between[start..start + line], total, *weight);
-        }
+            (row * stride + (furthest as isize - right) as usize * channels, *weight)
+        }));
+        weighted_sums(between, weighted, total);
     }
 }
 
-/// A row that goes on for `reach` pixels at both ends.
-fn pad(row: &[f32], width: usize, channels: usize, reach: usize, edge: Edge, into: &mut Vec<f32>) {
-    into.resize((width + 2 * reach) * channels, 0.0);
-    into[reach * channels..][..row.len()].copy_from_slice(row);
+/// Fills the `reach` pixels at both ends of a row, which lies between them.
+fn pad(padded: &mut [f32], width: usize, channels: usize, reach: usize, edge: Edge) {
     for distance in 1..=reach {
         let left = edge.place(-(distance as isize), width);
         let right = edge.place((width + distance - 1) as isize, width);
         for (to, from) in [(reach - distance, left), (reach + width + distance - 1, right)] {
-            let pixel = &row[from * channels..][..channels];
-            into[to * channels..][..channels].copy_from_slice(pixel);
+            let from = (reach + from) * channels;
+            padded.copy_within(from..from + channels, to * channels);
         }
     }
 }
@@ -211,32 +216,98 @@ vectorised! {
 }
 
 vectorised! {
-    fn scale / scale_avx2 / scale_avx512 (from: &[f32], to: &mut [f32], weight: f32) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = from * weight;
+    fn add_rows / add_rows_avx2 / add_rows_avx512 (a: &[f32], b: &[f32], to: &mut [f32]) {
+        for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
+            *to = a + b;
         }
     }
 }
 
+/// Values whose sums stay in registers while all terms are added: four registers of AVX-512.
+const BLOCK: usize = 64;
+/// The same for the end of a row.
+const SMALL_BLOCK: usize = 8;
+/// Columns that are worked on at a time, so that the rows around a row stay in the fastest cache from one row to the next.
+const STRIP: usize = 3 * BLOCK;
+
 vectorised! {
-    fn add / add_avx2 / add_avx512 (from: &[f32], sum: &mut [f32], weight: f32) {
-        for (sum, &from) in sum.iter_mut().zip(from) {
-            *sum += from * weight;
-        }
+    // Adds to sum `i` the value `i` behind the start in the middle times the first weight, then of each pair of starts at the same
+    // distance from it the sum of both values times the weight of that distance.
+    fn add_around / add_around_avx2 / add_around_avx512 (
+        values: &[f32], starts: &[usize], weights: &[f32], sums: &mut [f32],
+    ) {
+        let done = add_blocks_around::<BLOCK>(values, starts, weights, 0, sums);
+        let done = add_blocks_around::<SMALL_BLOCK>(values, starts, weights, done, sums);
+        add_blocks_around::<1>(values, starts, weights, done, sums);
     }
 }
 
-vectorised! {
-    fn add_both / add_both_avx2 / add_both_avx512 (a: &[f32], b: &[f32], sum: &mut [f32], weight: f32) {
-        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
-            *sum += (a + b) * weight;
+/// Does so for whole blocks from sum `first` on, and returns where it ends.
+#[inline(always)]
+fn add_blocks_around<const BLOCK: usize>(
+    values: &[f32],
+    starts: &[usize],
+    weights: &[f32],
+    first: usize,
+    sums: &mut [f32],
+) -> usize {
+    let reach = weights.len() - 1;
+    let (nearer, further) = (starts[..reach].iter().rev(), &starts[reach + 1..]);
+    let mut place = first;
+    for block in sums[first..].as_chunks_mut::<BLOCK>().0 {
+        let mut sums = *block;
+        for (sum, value) in sums.iter_mut().zip(&values[starts[reach] + place..][..BLOCK]) {
+            *sum += value * weights[0];
         }
+        for ((before, behind), weight) in nearer.clone().zip(further).zip(&weights[1..]) {
+            let (before, behind) = (&values[before + place..][..BLOCK], &values[behind + place..][..BLOCK]);
+            for ((sum, before), behind) in sums.iter_mut().zip(before).zip(behind) {
+                *sum += (before + behind) * weight;
+            }
+        }
+        *block = sums;
+        place += BLOCK;
     }
+    place
+}
+
+vectorised! {
+    // Sum `i` becomes that of the values `i` behind each start, times its weight.
+    fn weighted_sums / weighted_sums_avx2 / weighted_sums_avx512 (
+        values: &[f32], terms: &[(usize, f32)], sums: &mut [f32],
+    ) {
+        let done = blocks_of_weighted_sums::<BLOCK>(values, terms, 0, sums);
+        let done = blocks_of_weighted_sums::<SMALL_BLOCK>(values, terms, done, sums);
+        blocks_of_weighted_sums::<1>(values, terms, done, sums);
+    }
+}
+
+/// Does so for whole blocks from sum `first` on, and returns where it ends.
+#[inline(always)]
+fn blocks_of_weighted_sums<const BLOCK: usize>(
+    values: &[f32],
+    terms: &[(usize, f32)],
+    first: usize,
+    sums: &mut [f32],
+) -> usize {
+    let mut place = first;
+    for block in sums[first..].as_chunks_mut::<BLOCK>().0 {
+        let mut sums = [0.0; BLOCK];
+        for (start, weight) in terms {
+            for (sum, value) in sums.iter_mut().zip(&values[start + place..][..BLOCK]) {
+                *sum += value * weight;
+            }
+        }
+        *block = sums;
+        place += BLOCK;
+    }
+    place
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::with_each;
     use pdk_seed::Key;
 
     fn image(width: usize, height: usize, channels: usize) -> Image {
@@ -274,7 +345,7 @@ mod tests {
         }
     }
 
-    const SIZES: [(usize, usize, usize); 4] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 20, 1)];
+    const SIZES: [(usize, usize, usize); 5] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 20, 1), (90, 7, 3)];
     const EDGES: [Edge; 3] = [Edge::Nearest, Edge::Symmetric, Edge::Mirrored];
 
     #[test]
@@ -294,6 +365,42 @@ mod tests {
                 symmetric(&before, &quadrant, edge, &mut after, &mut workspace);
                 close(&after, &plain(&before, both, 4, edge));
             }
+        }
+    }
+
+    /// The sums in the order of the definition, one value after the other, without vectors.
+    fn plain_around(values: &[f32], starts: &[usize], weights: &[f32], sums: &mut [f32]) {
+        let reach = weights.len() - 1;
+        for (place, sum) in sums.iter_mut().enumerate() {
+            *sum += values[starts[reach] + place] * weights[0];
+            for distance in 1..=reach {
+                let pair =
+                    values[starts[reach - distance] + place] + values[starts[reach + distance] + place];
+                *sum += pair * weights[distance];
+            }
+        }
+    }
+
+    #[test]
+    fn sums_are_those_of_the_plain_version_bit_for_bit() {
+        let values = image(300, 2, 1).values;
+        let starts = [0, 290, 7, 300, 3];
+        let weights = [0.3, 0.21, 0.07];
+        for length in [1, 7, 8, 63, 64, 65, 137, 300] {
+            let before: Vec<f32> = (0..length).map(|place| place as f32 * 0.37).collect();
+            let terms: Vec<(usize, f32)> = starts.into_iter().zip([0.1, 0.7, -0.3, 1.9, 0.01]).collect();
+            let mut around = before.clone();
+            plain_around(&values, &starts, &weights, &mut around);
+            let term =
+                |place: usize| terms.iter().fold(0.0, |sum, (start, w)| sum + values[start + place] * w);
+            let weighted: Vec<f32> = (0..length).map(term).collect();
+            with_each(|instructions| {
+                let mut sums = before.clone();
+                add_around(&values, &starts, &weights, &mut sums);
+                assert_eq!(sums, around, "{length} with {instructions:?}");
+                weighted_sums(&values, &terms, &mut sums);
+                assert_eq!(sums, weighted, "{length} with {instructions:?}");
+            });
         }
     }
 
