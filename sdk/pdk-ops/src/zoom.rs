@@ -1,6 +1,8 @@
 //! Zoom blur: the mean of an image and of its enlargements about the middle.
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::point::truncated;
+use crate::rgbx::pack;
 use crate::simd::{round_to_byte, vectorised};
 
 /// Sums of a pixel have a fourth element that is not used, so that a pixel is as long as a vector.
@@ -133,6 +135,8 @@ pub struct Workspace {
     row: Vec<f32>,
     /// The sums of a row.
     sums: Vec<f32>,
+    /// The results of a row, with the element that is not used.
+    bytes: Vec<[u8; LANES]>,
 }
 
 impl Workspace {
@@ -157,6 +161,7 @@ impl Workspace {
         self.row.clear();
         self.row.resize((width + 2) * CHANNELS + 1, 0.0);
         self.sums.resize(width * LANES, 0.0);
+        self.bytes.resize(width, [0; LANES]);
     }
 }
 
@@ -180,7 +185,7 @@ pub fn zoom_blur(
     assert!((0.0..=MAX_STEP).contains(&step), "zoom_blur takes a step of 0 to 10, not {step}");
     let (width, height) = (src.width(), src.height());
     workspace.prepare(width, height, count, step, enlargement);
-    let Workspace { zooms, columns, row, sums, .. } = workspace;
+    let Workspace { zooms, columns, row, sums, bytes, .. } = workspace;
     let own_weight = (1.0 + count.min(1.0)) as f32;
     let scale = (1.0 / (1.0 + count)) as f32;
     for y in 0..height {
@@ -201,9 +206,10 @@ pub fn zoom_blur(
             add_stretched(row, columns, sums);
         }
         match enlargement {
-            Enlargement::Corner => finish_without_fractions(sums, dst.row_mut(y), scale),
-            Enlargement::WholePixels | Enlargement::Exact => finish(sums, dst.row_mut(y), scale),
+            Enlargement::Corner => finish_without_fractions(sums, bytes.as_flattened_mut(), scale),
+            Enlargement::WholePixels | Enlargement::Exact => finish(sums, bytes.as_flattened_mut(), scale),
         }
+        pack(bytes, dst.row_mut(y));
     }
 }
 
@@ -218,7 +224,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix_rows / mix_rows_avx2 (
+    fn mix_rows / mix_rows_avx2 / mix_rows_avx512 (
         upper: &[u8], lower: &[u8], row: &mut [f32], weights: [f32; 2],
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
@@ -229,7 +235,7 @@ vectorised! {
 
 vectorised! {
     // Unlike `mix_rows`, this leaves what is equal in both rows as it is, which matters where fractions are dropped.
-    fn interpolate_rows / interpolate_rows_avx2 (
+    fn interpolate_rows / interpolate_rows_avx2 / interpolate_rows_avx512 (
         upper: &[u8], lower: &[u8], row: &mut [f32], fraction: f32, weight: f32,
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
@@ -256,23 +262,19 @@ vectorised! {
 }
 
 vectorised! {
-    fn finish / finish_avx2 (sums: &[f32], row: &mut [u8], scale: f32) {
-        for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
-            for (value, sum) in pixel.iter_mut().zip(sums) {
-                *value = round_to_byte(sum * scale);
-            }
+    fn finish / finish_avx2 / finish_avx512 (sums: &[f32], bytes: &mut [u8], scale: f32) {
+        for (value, sum) in bytes.iter_mut().zip(sums) {
+            *value = round_to_byte(sum * scale);
         }
     }
 }
 
 vectorised! {
-    fn finish_without_fractions / finish_without_fractions_avx2 (
-        sums: &[f32], row: &mut [u8], scale: f32,
+    fn finish_without_fractions / finish_without_fractions_avx2 / finish_without_fractions_avx512 (
+        sums: &[f32], bytes: &mut [u8], scale: f32,
     ) {
-        for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
-            for (value, sum) in pixel.iter_mut().zip(sums) {
-                *value = (sum * scale) as u8;
-            }
+        for (value, sum) in bytes.iter_mut().zip(sums) {
+            *value = truncated(sum * scale);
         }
     }
 }
