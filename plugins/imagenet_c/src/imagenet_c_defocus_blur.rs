@@ -1,7 +1,7 @@
 //! Defocus: a disc with soft edges.
 
 use pdk_sdk::ops::border::reflect;
-use pdk_sdk::ops::float::{Edge, Image, Workspace, gaussian, symmetric};
+use pdk_sdk::ops::float::{Edge, Workspace, gaussian, symmetric};
 use pdk_sdk::prelude::*;
 
 use crate::suite::{MadeFor, corruption};
@@ -11,8 +11,6 @@ use crate::suite::{MadeFor, corruption};
 pub struct DefocusBlur {
     made_for: MadeFor,
     disc: Vec<Vec<f32>>,
-    image: Image,
-    blurred: Image,
     workspace: Workspace,
 }
 
@@ -49,9 +47,7 @@ impl Perturbation for DefocusBlur {
             self.disc = disc(radius, edge);
             leave_out_traces(&mut self.disc);
         }
-        self.image.read(src);
-        symmetric(&self.image, &self.disc, Edge::Mirrored, &mut self.blurred, &mut self.workspace);
-        self.blurred.write(dst);
+        symmetric(src, dst, &self.disc, Edge::Mirrored, &mut self.workspace);
         Ok(())
     }
 }
@@ -112,11 +108,9 @@ mod tests {
 
     /// The same, with all weights.
     fn with_traces(src: &FrameBuf, [radius, edge]: [f64; 2]) -> FrameBuf {
-        let (mut image, mut blurred) = (Image::default(), Image::default());
-        image.read(src.as_ref());
-        symmetric(&image, &disc(radius, edge), Edge::Mirrored, &mut blurred, &mut Workspace::default());
         let mut dst = FrameBuf::new(src.width(), src.height());
-        blurred.write(dst.as_mut());
+        let mut workspace = Workspace::default();
+        symmetric(src.as_ref(), dst.as_mut(), &disc(radius, edge), Edge::Mirrored, &mut workspace);
         dst
     }
 

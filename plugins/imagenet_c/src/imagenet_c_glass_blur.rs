@@ -1,6 +1,6 @@
 //! Frosted glass: pixels change places.
 
-use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
+use pdk_sdk::ops::float::{Edge, Workspace, separable_frame};
 use pdk_sdk::prelude::*;
 
 use crate::gaussian::weights;
@@ -12,8 +12,8 @@ pub struct GlassBlur {
     made_for: MadeFor,
     /// For each pixel the place of the one whose colour it gets.
     sources: Vec<u32>,
-    image: Image,
     smooth: FrameBuf,
+    scattered: FrameBuf,
     workspace: Workspace,
 }
 
@@ -48,19 +48,16 @@ impl Perturbation for GlassBlur {
         if self.made_for.is_new([width, height], Some(*cx.key()), &drawn_with) {
             self.draw(width, height, distance as usize, rounds as usize, &mut cx.sequence_random());
         }
-        let Self { sources, image, smooth, workspace, .. } = self;
-        let weights = weights(cx.number("sigma"));
-        image.read(src);
-        separable(image, &weights, &weights, Edge::Nearest, workspace);
+        let Self { sources, smooth, scattered, workspace, .. } = self;
         smooth.resize(width, height);
-        image.write(smooth.as_mut());
-
+        scattered.resize(width, height);
+        let weights = weights(cx.number("sigma"));
+        separable_frame(src, smooth.as_mut(), &weights, &weights, Edge::Nearest, workspace);
         let pixels = smooth.data().as_chunks::<3>().0;
-        for (to, &source) in image.values.as_chunks_mut::<3>().0.iter_mut().zip(&*sources) {
-            *to = pixels[source as usize].map(f32::from);
+        for (to, &source) in scattered.as_mut().data_mut().as_chunks_mut::<3>().0.iter_mut().zip(&*sources) {
+            *to = pixels[source as usize];
         }
-        separable(image, &weights, &weights, Edge::Nearest, workspace);
-        image.write(dst);
+        separable_frame(scattered.as_ref(), dst, &weights, &weights, Edge::Nearest, workspace);
         Ok(())
     }
 }

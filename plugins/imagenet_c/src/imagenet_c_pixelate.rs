@@ -15,11 +15,10 @@ pub struct Pixelate {
     spans: [Vec<Range<usize>>; 2],
     /// For each column and each row of the result its block.
     nearest: [Vec<usize>; 2],
-    /// How to divide by the length of each column's span.
-    divisors: Vec<[Divisor; 4]>,
     /// A row of the frame, followed by the byte that the last pixel is read with.
     row: Vec<u8>,
-    sums: Vec<[u32; 4]>,
+    /// The same with a pixel for each column of blocks.
+    means: Vec<[u16; 4]>,
     /// Rows of the frame with a pixel for each column of blocks.
     narrow: Vec<[u8; 4]>,
     /// A row of blocks.
@@ -54,17 +53,8 @@ impl Perturbation for Pixelate {
         if self.made_for.is_new(sizes, None, &[factor]) {
             self.prepare(sizes, factor);
         }
-        let Self {
-            spans: [columns, rows],
-            nearest: [across, down],
-            divisors,
-            row,
-            sums,
-            narrow,
-            small,
-            wide,
-            ..
-        } = self;
+        let Self { spans: [columns, rows], nearest: [across, down], row, means, narrow, small, wide, .. } =
+            self;
         let mut shown = None;
         for (&block, to) in down.iter().zip(dst.rows_mut()) {
             // Rows of a block are all the same.
@@ -74,8 +64,8 @@ impl Perturbation for Pixelate {
                 // Rows first, rounded in between, as Pillow does.
                 for (y, narrow) in span.zip(narrow.chunks_exact_mut(columns.len())) {
                     row[..to.len()].copy_from_slice(src.row(y));
-                    add_columns(row, columns, sums);
-                    divide(sums.as_flattened(), divisors.as_flattened(), narrow.as_flattened_mut());
+                    average_columns(row, columns, means);
+                    shorten(means.as_flattened(), narrow.as_flattened_mut());
                 }
                 average_rows(narrow.as_flattened(), small.as_flattened_mut());
                 for (place, &x) in across.iter().enumerate() {
@@ -94,9 +84,8 @@ impl Pixelate {
         let blocks = sizes.map(|length| ((length as f64 * factor) as usize).max(1));
         self.spans = [0, 1].map(|axis| spans(sizes[axis], blocks[axis]));
         self.nearest = [0, 1].map(|axis| nearest(blocks[axis], sizes[axis]));
-        self.divisors = self.spans[0].iter().map(|span| [Divisor::new(span.len()); 4]).collect();
         self.row.resize(3 * sizes[0] + 1, 0);
-        self.sums.resize(blocks[0], [0; 4]);
+        self.means.resize(blocks[0], [0; 4]);
         let most = self.spans[1].iter().map(|span| span.len()).max().unwrap_or(1);
         self.narrow.reserve(blocks[0] * most);
         self.small.resize(blocks[0], [0; 4]);
@@ -132,55 +121,55 @@ impl Divisor {
     fn any(self, sum: u32) -> u8 {
         ((2 * u64::from(sum) + u64::from(self.count)) / (2 * u64::from(self.count))) as u8
     }
+
+    #[inline(always)]
+    fn divide(self, sum: u32) -> u8 {
+        if self.reciprocal > 0 { self.quick(sum) } else { self.any(sum) }
+    }
 }
 
 vectorised! {
-    // The sum over each span of pixels of a row.
-    fn add_columns / add_columns_avx2 (row: &[u8], spans: &[Range<usize>], sums: &mut [[u32; 4]]) {
-        for (span, sums) in spans.iter().zip(sums) {
+    // The mean of each span of pixels of a row. Means are not bytes yet, because the compiler makes vectors of 16-bit numbers only.
+    fn average_columns / average_columns_avx2 (row: &[u8], spans: &[Range<usize>], means: &mut [[u16; 4]]) {
+        for (span, means) in spans.iter().zip(means) {
             // Most are short, and loops over them would take longer than the additions.
             match span.len() {
-                1 => *sums = sum_of::<1>(row, span.start),
-                2 => *sums = sum_of::<2>(row, span.start),
-                3 => *sums = sum_of::<3>(row, span.start),
-                4 => *sums = sum_of::<4>(row, span.start),
-                _ => {
-                    *sums = [0; 4];
+                1 => *means = mean_of::<1>(row, span.start),
+                2 => *means = mean_of::<2>(row, span.start),
+                3 => *means = mean_of::<3>(row, span.start),
+                4 => *means = mean_of::<4>(row, span.start),
+                count => {
+                    let mut sums = [0; 4];
                     for pixel in span.clone() {
                         for (sum, &value) in sums.iter_mut().zip(&row[3 * pixel..][..4]) {
                             *sum += u32::from(value);
                         }
                     }
+                    let divisor = Divisor::new(count);
+                    *means = sums.map(|sum| u16::from(divisor.divide(sum)));
                 }
             }
         }
     }
 }
 
-/// The sum of a fixed number of pixels.
+/// The mean of a fixed number of pixels, up to 8: a [`Divisor`] of 16 bits is exact for these.
 #[inline(always)]
-fn sum_of<const COUNT: usize>(row: &[u8], first: usize) -> [u32; 4] {
+fn mean_of<const COUNT: usize>(row: &[u8], first: usize) -> [u16; 4] {
     let pixels = &row[3 * first..][..3 * COUNT + 1];
-    let mut sums = [0; 4];
-    for pixel in 0..COUNT {
-        for (channel, sum) in sums.iter_mut().enumerate() {
-            *sum += u32::from(pixels[3 * pixel + channel]);
-        }
+    let reciprocal = (1 << 16) / (2 * COUNT as u32) + 1;
+    let mut means = [0; 4];
+    for (channel, mean) in means.iter_mut().enumerate() {
+        let sum = (0..COUNT).map(|pixel| u16::from(pixels[3 * pixel + channel])).sum::<u16>();
+        *mean = ((u32::from(2 * sum + COUNT as u16) * reciprocal) >> 16) as u16;
     }
-    sums
+    means
 }
 
 vectorised! {
-    fn divide / divide_avx2 / divide_avx512 (sums: &[u32], divisors: &[Divisor], to: &mut [u8]) {
-        // Spans differ in length by one at most, so either all are short, or nearly all are long.
-        if divisors.iter().all(|divisor| divisor.reciprocal > 0) {
-            for ((to, &sum), divisor) in to.iter_mut().zip(sums).zip(divisors) {
-                *to = divisor.quick(sum);
-            }
-        } else {
-            for ((to, &sum), divisor) in to.iter_mut().zip(sums).zip(divisors) {
-                *to = divisor.any(sum);
-            }
+    fn shorten / shorten_avx2 / shorten_avx512 (from: &[u16], to: &mut [u8]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = from as u8;
         }
     }
 }
@@ -268,6 +257,22 @@ mod tests {
             let divisor = Divisor::new(count);
             for sum in 0..=255 * count as u32 {
                 assert_eq!(divisor.quick(sum), divisor.any(sum), "{sum} / {count}");
+            }
+        }
+        let row: Vec<u8> = (0..3 * 4000).map(|place| (place * place / 7 + place % 5) as u8).collect();
+        for first in 0..3900 {
+            let wanted = |count: usize| {
+                let sum = |c: usize| (0..count).map(|x| u32::from(row[3 * (first + x) + c])).sum();
+                [0, 1, 2].map(|channel| u16::from(Divisor::new(count).any(sum(channel))))
+            };
+            let found = [
+                mean_of::<1>(&row, first),
+                mean_of::<2>(&row, first),
+                mean_of::<3>(&row, first),
+                mean_of::<4>(&row, first),
+            ];
+            for (count, found) in (1..).zip(found) {
+                assert_eq!(found[..3], wanted(count), "{count} from {first}");
             }
         }
     }

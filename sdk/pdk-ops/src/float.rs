@@ -2,10 +2,13 @@
 //!
 //! Each result is a sum of products in a fixed order, and none is fused, so every machine computes the same numbers.
 
+mod sums;
+
 use crate::border::reflect;
 use crate::frame::{Frame, FrameMut};
 use crate::point::truncated;
 use crate::simd::vectorised;
+use sums::{BLOCK, add_around, weighted_sums};
 
 /// What lies beyond the edges of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,8 +89,11 @@ impl Image {
 /// What the filters keep between calls.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
+    /// Rows of the image: those around the ones that are computed.
+    ring: Vec<f32>,
     between: Vec<f32>,
     padded: Vec<f32>,
+    sums: Vec<f32>,
     /// Where the values begin that are added up, in the order of their distance from the first one.
     starts: Vec<usize>,
     /// Where values begin, and their weight.
@@ -101,66 +107,149 @@ pub fn gaussian(sigma: f64, radius: usize) -> Vec<f32> {
     (0..=radius).map(|x| (density(x) / total) as f32).collect()
 }
 
+/// What a filter reads and writes, row by row. A row is read before it is written.
+trait Rows {
+    /// Width, height and channels.
+    fn size(&self) -> [usize; 3];
+    fn read(&self, y: usize, to: &mut [f32]);
+    fn write(&mut self, y: usize, from: &[f32]);
+}
+
+impl Rows for &mut Image {
+    fn size(&self) -> [usize; 3] {
+        [self.width, self.height, self.channels]
+    }
+
+    fn read(&self, y: usize, to: &mut [f32]) {
+        to.copy_from_slice(self.row(y));
+    }
+
+    fn write(&mut self, y: usize, from: &[f32]) {
+        let line = self.width * self.channels;
+        self.values[y * line..][..line].copy_from_slice(from);
+    }
+}
+
+/// From one frame to another, with values from 0 to 255; clipped to them at the end, the fraction dropped.
+struct Frames<'a> {
+    src: Frame<'a>,
+    dst: FrameMut<'a>,
+}
+
+impl Rows for Frames<'_> {
+    fn size(&self) -> [usize; 3] {
+        [self.src.width(), self.src.height(), crate::frame::CHANNELS]
+    }
+
+    fn read(&self, y: usize, to: &mut [f32]) {
+        widen(self.src.row(y), to);
+    }
+
+    fn write(&mut self, y: usize, from: &[f32]) {
+        drop_fractions(from, self.dst.row_mut(y));
+    }
+}
+
 /// Correlates with a symmetric kernel in each direction; `down` and `right` are its weights from the middle on.
 pub fn separable(image: &mut Image, down: &[f32], right: &[f32], edge: Edge, workspace: &mut Workspace) {
-    let Image { width, height, channels, .. } = *image;
+    correlate(image, down, right, edge, workspace);
+}
+
+/// As [`separable`], from one frame to another, with values from 0 to 255. The results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
+pub fn separable_frame(
+    src: Frame<'_>,
+    dst: FrameMut<'_>,
+    down: &[f32],
+    right: &[f32],
+    edge: Edge,
+    workspace: &mut Workspace,
+) {
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    correlate(Frames { src, dst }, down, right, edge, workspace);
+}
+
+/// Columns that are worked on at a time, so that the rows around a row stay in the fastest cache from one row to the next.
+const STRIP: usize = 3 * BLOCK;
+/// Rows that are computed together. What they need, and what is between both directions, stays in the second cache.
+const BAND: usize = 16;
+
+fn correlate(mut rows: impl Rows, down: &[f32], right: &[f32], edge: Edge, workspace: &mut Workspace) {
+    let [width, height, channels] = rows.size();
     let line = width * channels;
-    let Workspace { between, padded, starts, .. } = workspace;
-    between.resize(line * height, 0.0);
-    let reach = down.len() - 1;
-    let rows = -(reach as isize)..(height + reach) as isize;
-    for first in (0..line).step_by(STRIP) {
-        let strip = first..(first + STRIP).min(line);
-        starts.clear();
-        starts.extend(rows.clone().map(|y| edge.place(y, height) * line + first));
-        for (around, sum) in starts.windows(2 * reach + 1).zip(between.chunks_exact_mut(line)) {
-            let sum = &mut sum[strip.clone()];
-            sum.fill(0.0);
-            add_around(&image.values, around, down, sum);
+    let (reach_down, reach) = (down.len() - 1, right.len() - 1);
+    let stride = line + 2 * reach * channels;
+    let slots = (BAND + 2 * reach_down).min(height);
+    let Workspace { ring, between, sums, starts, .. } = workspace;
+    ring.resize(slots * line, 0.0);
+    between.resize(BAND * stride, 0.0);
+    sums.resize(line, 0.0);
+    let mut read = 0;
+    for top in (0..height).step_by(BAND) {
+        let band = top..(top + BAND).min(height);
+        while read < (band.end + reach_down).min(height) {
+            rows.read(read, &mut ring[read % slots * line..][..line]);
+            read += 1;
         }
-    }
-    let reach = right.len() - 1;
-    padded.resize((width + 2 * reach) * channels, 0.0);
-    starts.clear();
-    starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
-    for (from, sum) in between.chunks_exact(line).zip(image.values.chunks_exact_mut(line)) {
-        padded[reach * channels..][..line].copy_from_slice(from);
-        pad(padded, width, channels, reach, edge);
-        sum.fill(0.0);
-        add_around(padded, starts, right, sum);
+        let around = band.start as isize - reach_down as isize..(band.end + reach_down) as isize;
+        for first in (0..line).step_by(STRIP) {
+            let strip = first..(first + STRIP).min(line);
+            starts.clear();
+            starts.extend(around.clone().map(|y| edge.place(y, height) % slots * line + first));
+            for (around, padded) in starts.windows(2 * reach_down + 1).zip(between.chunks_exact_mut(stride)) {
+                let sums = &mut padded[reach * channels..][strip.clone()];
+                sums.fill(0.0);
+                add_around(ring, around, down, sums);
+            }
+        }
+        starts.clear();
+        starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
+        for (y, padded) in band.zip(between.chunks_exact_mut(stride)) {
+            pad(padded, width, channels, reach, edge);
+            sums.fill(0.0);
+            add_around(padded, starts, right, sums);
+            rows.write(y, sums);
+        }
     }
 }
 
 /// Correlates with a kernel that is symmetric in both directions; `quadrant` has its weights from the middle on, row by row
-/// of the same length.
+/// of the same length. Values are from 0 to 255; the results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
 pub fn symmetric(
-    image: &Image,
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
     quadrant: &[Vec<f32>],
     edge: Edge,
-    into: &mut Image,
     workspace: &mut Workspace,
 ) {
-    let Image { width, height, channels, .. } = *image;
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    let (width, height, channels) = (src.width(), src.height(), crate::frame::CHANNELS);
     let line = width * channels;
-    into.resize(width, height, channels);
-    let Workspace { padded, starts, .. } = workspace;
-    for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
-        total.fill(0.0);
+    let Workspace { padded, sums, starts, .. } = workspace;
+    sums.resize(line, 0.0);
+    for (y, to) in dst.rows_mut().enumerate() {
+        sums.fill(0.0);
         for (distance, weights) in quadrant.iter().enumerate() {
             // Weights of 0 add nothing, and kernels are often wider than what is not 0 in them.
             let Some(reach) = weights.iter().rposition(|weight| *weight != 0.0) else { continue };
-            let at = |moved: isize| image.row(edge.place(y as isize + moved, height));
+            let at = |moved: isize| src.row(edge.place(y as isize + moved, height));
             padded.resize((width + 2 * reach) * channels, 0.0);
             let row = &mut padded[reach * channels..][..line];
             match distance as isize {
-                0 => row.copy_from_slice(at(0)),
+                0 => widen(at(0), row),
                 distance => add_rows(at(distance), at(-distance), row),
             }
             pad(padded, width, channels, reach, edge);
             starts.clear();
             starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
-            add_around(padded, starts, &weights[..=reach], total);
+            add_around(padded, starts, &weights[..=reach], sums);
         }
+        drop_fractions(sums, to);
     }
 }
 
@@ -216,98 +305,17 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_rows / add_rows_avx2 / add_rows_avx512 (a: &[f32], b: &[f32], to: &mut [f32]) {
+    fn add_rows / add_rows_avx2 / add_rows_avx512 (a: &[u8], b: &[u8], to: &mut [f32]) {
         for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
-            *to = a + b;
+            *to = f32::from(u16::from(a) + u16::from(b));
         }
     }
-}
-
-/// Values whose sums stay in registers while all terms are added: four registers of AVX-512.
-const BLOCK: usize = 64;
-/// The same for the end of a row.
-const SMALL_BLOCK: usize = 8;
-/// Columns that are worked on at a time, so that the rows around a row stay in the fastest cache from one row to the next.
-const STRIP: usize = 3 * BLOCK;
-
-vectorised! {
-    // Adds to sum `i` the value `i` behind the start in the middle times the first weight, then of each pair of starts at the same
-    // distance from it the sum of both values times the weight of that distance.
-    fn add_around / add_around_avx2 / add_around_avx512 (
-        values: &[f32], starts: &[usize], weights: &[f32], sums: &mut [f32],
-    ) {
-        let done = add_blocks_around::<BLOCK>(values, starts, weights, 0, sums);
-        let done = add_blocks_around::<SMALL_BLOCK>(values, starts, weights, done, sums);
-        add_blocks_around::<1>(values, starts, weights, done, sums);
-    }
-}
-
-/// Does so for whole blocks from sum `first` on, and returns where it ends.
-#[inline(always)]
-fn add_blocks_around<const BLOCK: usize>(
-    values: &[f32],
-    starts: &[usize],
-    weights: &[f32],
-    first: usize,
-    sums: &mut [f32],
-) -> usize {
-    let reach = weights.len() - 1;
-    let (nearer, further) = (starts[..reach].iter().rev(), &starts[reach + 1..]);
-    let mut place = first;
-    for block in sums[first..].as_chunks_mut::<BLOCK>().0 {
-        let mut sums = *block;
-        for (sum, value) in sums.iter_mut().zip(&values[starts[reach] + place..][..BLOCK]) {
-            *sum += value * weights[0];
-        }
-        for ((before, behind), weight) in nearer.clone().zip(further).zip(&weights[1..]) {
-            let (before, behind) = (&values[before + place..][..BLOCK], &values[behind + place..][..BLOCK]);
-            for ((sum, before), behind) in sums.iter_mut().zip(before).zip(behind) {
-                *sum += (before + behind) * weight;
-            }
-        }
-        *block = sums;
-        place += BLOCK;
-    }
-    place
-}
-
-vectorised! {
-    // Sum `i` becomes that of the values `i` behind each start, times its weight.
-    fn weighted_sums / weighted_sums_avx2 / weighted_sums_avx512 (
-        values: &[f32], terms: &[(usize, f32)], sums: &mut [f32],
-    ) {
-        let done = blocks_of_weighted_sums::<BLOCK>(values, terms, 0, sums);
-        let done = blocks_of_weighted_sums::<SMALL_BLOCK>(values, terms, done, sums);
-        blocks_of_weighted_sums::<1>(values, terms, done, sums);
-    }
-}
-
-/// Does so for whole blocks from sum `first` on, and returns where it ends.
-#[inline(always)]
-fn blocks_of_weighted_sums<const BLOCK: usize>(
-    values: &[f32],
-    terms: &[(usize, f32)],
-    first: usize,
-    sums: &mut [f32],
-) -> usize {
-    let mut place = first;
-    for block in sums[first..].as_chunks_mut::<BLOCK>().0 {
-        let mut sums = [0.0; BLOCK];
-        for (start, weight) in terms {
-            for (sum, value) in sums.iter_mut().zip(&values[start + place..][..BLOCK]) {
-                *sum += value * weight;
-            }
-        }
-        *block = sums;
-        place += BLOCK;
-    }
-    place
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::with_each;
+    use crate::frame::FrameBuf;
     use pdk_seed::Key;
 
     fn image(width: usize, height: usize, channels: usize) -> Image {
@@ -345,16 +353,13 @@ mod tests {
         }
     }
 
-    const SIZES: [(usize, usize, usize); 5] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 20, 1), (90, 7, 3)];
+    const SIZES: [(usize, usize, usize); 5] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 70, 1), (90, 7, 3)];
     const EDGES: [Edge; 3] = [Edge::Nearest, Edge::Symmetric, Edge::Mirrored];
 
     #[test]
     fn filters_match_the_plain_version() {
         let weights = gaussian(1.3, 4);
         let one = |distance: isize| f64::from(weights[distance.unsigned_abs()]);
-        let quadrant: Vec<Vec<f32>> =
-            (0..5).map(|y| (0..5).map(|x| (x + 2 * y) as f32 / 200.0).collect()).collect();
-        let both = |right: isize, down: isize| f64::from(quadrant[down.unsigned_abs()][right.unsigned_abs()]);
         let mut workspace = Workspace::default();
         for (width, height, channels) in SIZES {
             for edge in EDGES {
@@ -362,45 +367,47 @@ mod tests {
                 let mut after = before.clone();
                 separable(&mut after, &weights, &weights, edge, &mut workspace);
                 close(&after, &plain(&before, |right, down| one(right) * one(down), 4, edge));
-                symmetric(&before, &quadrant, edge, &mut after, &mut workspace);
-                close(&after, &plain(&before, both, 4, edge));
             }
         }
     }
 
-    /// The sums in the order of the definition, one value after the other, without vectors.
-    fn plain_around(values: &[f32], starts: &[usize], weights: &[f32], sums: &mut [f32]) {
-        let reach = weights.len() - 1;
-        for (place, sum) in sums.iter_mut().enumerate() {
-            *sum += values[starts[reach] + place] * weights[0];
-            for distance in 1..=reach {
-                let pair =
-                    values[starts[reach - distance] + place] + values[starts[reach + distance] + place];
-                *sum += pair * weights[distance];
-            }
+    /// A result without its fraction, to within what rounding does to a sum.
+    fn truncations(wanted: &[f64], found: &FrameBuf) {
+        for (wanted, found) in wanted.iter().zip(found.data()) {
+            let found = f64::from(*found);
+            assert!((found - 1e-3..found + 1.001).contains(wanted), "{found} {wanted}");
         }
     }
 
     #[test]
-    fn sums_are_those_of_the_plain_version_bit_for_bit() {
-        let values = image(300, 2, 1).values;
-        let starts = [0, 290, 7, 300, 3];
-        let weights = [0.3, 0.21, 0.07];
-        for length in [1, 7, 8, 63, 64, 65, 137, 300] {
-            let before: Vec<f32> = (0..length).map(|place| place as f32 * 0.37).collect();
-            let terms: Vec<(usize, f32)> = starts.into_iter().zip([0.1, 0.7, -0.3, 1.9, 0.01]).collect();
-            let mut around = before.clone();
-            plain_around(&values, &starts, &weights, &mut around);
-            let term =
-                |place: usize| terms.iter().fold(0.0, |sum, (start, w)| sum + values[start + place] * w);
-            let weighted: Vec<f32> = (0..length).map(term).collect();
-            with_each(|instructions| {
-                let mut sums = before.clone();
-                add_around(&values, &starts, &weights, &mut sums);
-                assert_eq!(sums, around, "{length} with {instructions:?}");
-                weighted_sums(&values, &terms, &mut sums);
-                assert_eq!(sums, weighted, "{length} with {instructions:?}");
-            });
+    fn filters_of_frames_match_the_plain_version() {
+        let weights = gaussian(1.3, 4);
+        let one = |distance: isize| f64::from(weights[distance.unsigned_abs()]);
+        let mut quadrant: Vec<Vec<f32>> =
+            (0..5).map(|y| (0..5).map(|x| (x + 2 * y) as f32 / 700.0).collect()).collect();
+        // An edge of zeros.
+        quadrant.iter_mut().for_each(|row| row.push(0.0));
+        quadrant.push(vec![0.0; 6]);
+        let both = |right: isize, down: isize| f64::from(quadrant[down.unsigned_abs()][right.unsigned_abs()]);
+        let mut workspace = Workspace::default();
+        for (width, height) in [(1, 1), (3, 2), (17, 9), (90, 7), (6, 40)] {
+            let mut src = FrameBuf::new(width, height);
+            Key([9; 32]).sequence().fill(src.as_mut().data_mut());
+            let mut before = Image::default();
+            before.read(src.as_ref());
+            for edge in EDGES {
+                let mut dst = FrameBuf::new(width, height);
+                symmetric(src.as_ref(), dst.as_mut(), &quadrant, edge, &mut workspace);
+                truncations(&plain(&before, both, 5, edge), &dst);
+
+                separable_frame(src.as_ref(), dst.as_mut(), &weights, &weights, edge, &mut workspace);
+                truncations(&plain(&before, |right, down| one(right) * one(down), 4, edge), &dst);
+                let mut image = before.clone();
+                separable(&mut image, &weights, &weights, edge, &mut workspace);
+                let mut same = FrameBuf::new(width, height);
+                image.write(same.as_mut());
+                assert!(same == dst, "{width}x{height}, {edge:?}");
+            }
         }
     }
 
