@@ -113,17 +113,29 @@ impl Places {
     }
 }
 
+/// Places further out than this, in pixels, are far beyond any frame.
+const FURTHEST: f32 = 1e9;
+
+/// The whole part of a place, which goes down also below 0.
+#[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
+#[inline(always)]
+fn whole(place: f32) -> i32 {
+    let place = place.max(-FURTHEST).min(FURTHEST);
+    // SAFETY: the number fits. Loops over the checked conversion are not vectorised.
+    let cut = unsafe { place.to_int_unchecked::<i32>() };
+    if place < cut as f32 { cut - 1 } else { cut }
+}
+
 vectorised! {
     // Places from `first` on, `step` apart and displaced: their whole parts, which go down also below 0, and the rest.
     fn displace / displace_avx2 / displace_avx512 (
         first: f32, step: f32, alpha: f32, by: &[f32], wholes: &mut [i32], shares: &mut [f32],
     ) {
-        for (x, ((by, whole), share)) in by.iter().zip(wholes).zip(shares).enumerate() {
+        for (x, ((by, to), share)) in by.iter().zip(wholes).zip(shares).enumerate() {
             // Exact: sizes of frames are small whole numbers.
             let value = first + x as i32 as f32 * step + alpha * by;
-            let cut = value as i32;
-            *whole = if value < cut as f32 { cut - 1 } else { cut };
-            *share = value - *whole as f32;
+            *to = whole(value);
+            *share = value - *to as f32;
         }
     }
 }
@@ -233,7 +245,7 @@ mod tests {
 
     /// Pixel by pixel.
     fn plain(src: &FrameBuf, alpha: f32, right: &Image, down: &Image) -> FrameBuf {
-        let whole = |value: f32| (value.floor() as i32, value - value.floor());
+        let whole = |place: f32| (place.floor() as i32, place - place.floor());
         let mut dst = FrameBuf::new(src.width(), src.height());
         for y in 0..src.height() {
             for x in 0..src.width() {

@@ -2,12 +2,14 @@
 //!
 //! Each result is a sum of products in a fixed order, and none is fused, so every machine computes the same numbers.
 
+mod rows;
 mod sums;
 
 use crate::border::reflect;
 use crate::frame::{Frame, FrameMut};
 use crate::point::truncated;
 use crate::simd::vectorised;
+use rows::{Frames, Images, Rows};
 use sums::{BLOCK, add_around, weighted_sums};
 
 /// What lies beyond the edges of an image.
@@ -79,12 +81,21 @@ impl Image {
         }
     }
 
+    /// The numbers of a row, to be written.
+    fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        let line = self.width * self.channels;
+        &mut self.values[y * line..][..line]
+    }
+
     /// The numbers of a row.
     pub fn row(&self, y: usize) -> &[f32] {
         let line = self.width * self.channels;
         &self.values[y * line..][..line]
     }
 }
+
+/// A copy of an image: how far it is moved right and down, and its weight.
+pub type Moved = ([isize; 2], f32);
 
 /// What the filters keep between calls.
 #[derive(Debug, Clone, Default)]
@@ -105,49 +116,6 @@ pub fn gaussian(sigma: f64, radius: usize) -> Vec<f32> {
     let density = |x: usize| libm::exp(-0.5 / (sigma * sigma) * (x * x) as f64);
     let total = 1.0 + 2.0 * (1..=radius).map(density).sum::<f64>();
     (0..=radius).map(|x| (density(x) / total) as f32).collect()
-}
-
-/// What a filter reads and writes, row by row. A row is read before it is written.
-trait Rows {
-    /// Width, height and channels.
-    fn size(&self) -> [usize; 3];
-    fn read(&self, y: usize, to: &mut [f32]);
-    fn write(&mut self, y: usize, from: &[f32]);
-}
-
-impl Rows for &mut Image {
-    fn size(&self) -> [usize; 3] {
-        [self.width, self.height, self.channels]
-    }
-
-    fn read(&self, y: usize, to: &mut [f32]) {
-        to.copy_from_slice(self.row(y));
-    }
-
-    fn write(&mut self, y: usize, from: &[f32]) {
-        let line = self.width * self.channels;
-        self.values[y * line..][..line].copy_from_slice(from);
-    }
-}
-
-/// From one frame to another, with values from 0 to 255; clipped to them at the end, the fraction dropped.
-struct Frames<'a> {
-    src: Frame<'a>,
-    dst: FrameMut<'a>,
-}
-
-impl Rows for Frames<'_> {
-    fn size(&self) -> [usize; 3] {
-        [self.src.width(), self.src.height(), crate::frame::CHANNELS]
-    }
-
-    fn read(&self, y: usize, to: &mut [f32]) {
-        widen(self.src.row(y), to);
-    }
-
-    fn write(&mut self, y: usize, from: &[f32]) {
-        drop_fractions(from, self.dst.row_mut(y));
-    }
 }
 
 /// Correlates with a symmetric kernel in each direction; `down` and `right` are its weights from the middle on.
@@ -173,6 +141,8 @@ pub fn separable_frame(
 
 /// Columns that are worked on at a time, so that the rows around a row stay in the fastest cache from one row to the next.
 const STRIP: usize = 3 * BLOCK;
+/// Numbers in the widest vector. Those that begin at a multiple of it are read in one piece.
+const ALIGNMENT: usize = 16;
 /// Rows that are computed together. What they need, and what is between both directions, stays in the second cache.
 const BAND: usize = 16;
 
@@ -183,7 +153,9 @@ fn correlate(mut rows: impl Rows, down: &[f32], right: &[f32], edge: Edge, works
     let stride = line + 2 * reach * channels;
     let slots = (BAND + 2 * reach_down).min(height);
     let Workspace { ring, between, sums, starts, .. } = workspace;
-    ring.resize(slots * line, 0.0);
+    ring.resize(slots * line + ALIGNMENT, 0.0);
+    let aligned = ring.as_ptr().align_offset(ALIGNMENT * size_of::<f32>()).min(ALIGNMENT);
+    let ring = &mut ring[aligned..];
     between.resize(BAND * stride, 0.0);
     sums.resize(line, 0.0);
     let mut read = 0;
@@ -254,25 +226,40 @@ pub fn symmetric(
 }
 
 /// The weighted sum of copies of the image that are moved by this many pixels right and down, their edges repeated.
-pub fn moved(image: &Image, copies: &[([isize; 2], f32)], into: &mut Image, workspace: &mut Workspace) {
-    let Image { width, height, channels, .. } = *image;
+pub fn moved(image: &Image, copies: &[Moved], into: &mut Image, workspace: &mut Workspace) {
+    into.resize(image.width, image.height, image.channels);
+    add_moved(Images { from: image, into }, copies, workspace);
+}
+
+/// As [`moved`], from one frame to another, with values from 0 to 255. The results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
+pub fn moved_frame(src: Frame<'_>, dst: FrameMut<'_>, copies: &[Moved], workspace: &mut Workspace) {
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    add_moved(Frames { src, dst }, copies, workspace);
+}
+
+fn add_moved(mut rows: impl Rows, copies: &[Moved], workspace: &mut Workspace) {
+    let [width, height, channels] = rows.size();
     let line = width * channels;
-    into.resize(width, height, channels);
     let furthest = copies.iter().map(|([right, _], _)| right.unsigned_abs()).max().unwrap_or_default();
     let stride = line + 2 * furthest * channels;
-    let Workspace { between, weighted, .. } = workspace;
+    let Workspace { between, weighted, sums, .. } = workspace;
     between.resize(stride * height, 0.0);
+    sums.resize(line, 0.0);
     for (y, to) in between.chunks_exact_mut(stride).enumerate() {
-        to[furthest * channels..][..line].copy_from_slice(image.row(y));
+        rows.read(y, &mut to[furthest * channels..][..line]);
         pad(to, width, channels, furthest, Edge::Nearest);
     }
-    for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
+    for y in 0..height {
         weighted.clear();
         weighted.extend(copies.iter().map(|([right, down], weight)| {
             let row = Edge::Nearest.place(y as isize - down, height);
             (row * stride + (furthest as isize - right) as usize * channels, *weight)
         }));
-        weighted_sums(between, weighted, total);
+        weighted_sums(between, weighted, sums);
+        rows.write(y, sums);
     }
 }
 
@@ -427,6 +414,17 @@ mod tests {
                     .sum::<f64>()
             };
             close(&after, &plain(&before, weight, 7, Edge::Nearest));
+            if channels == 3 {
+                let (mut src, [mut dst, mut same]) =
+                    (FrameBuf::new(width, height), [0; 2].map(|_| FrameBuf::new(width, height)));
+                before.write(src.as_mut());
+                moved_frame(src.as_ref(), dst.as_mut(), &copies, &mut workspace);
+                let mut whole = Image::default();
+                whole.read(src.as_ref());
+                moved(&whole, &copies, &mut after, &mut workspace);
+                after.write(same.as_mut());
+                assert!(dst == same, "{width}x{height}");
+            }
         }
     }
 
