@@ -18,7 +18,7 @@ pub struct Pixelate {
     /// A row of the frame, followed by the byte that the last pixel is read with.
     row: Vec<u8>,
     /// The same with a pixel for each column of blocks.
-    means: Vec<[u16; 4]>,
+    means: Vec<[u32; 4]>,
     /// Rows of the frame with a pixel for each column of blocks.
     narrow: Vec<[u8; 4]>,
     /// A row of blocks.
@@ -129,8 +129,9 @@ impl Divisor {
 }
 
 vectorised! {
-    // The mean of each span of pixels of a row. Means are not bytes yet, because the compiler makes vectors of 16-bit numbers only.
-    fn average_columns / average_columns_avx2 (row: &[u8], spans: &[Range<usize>], means: &mut [[u16; 4]]) {
+    // The mean of each span of pixels of a row. Means are not bytes yet, because four of them would be one word for the compiler, which it
+    // computes with byte by byte.
+    fn average_columns / average_columns_avx2 (row: &[u8], spans: &[Range<usize>], means: &mut [[u32; 4]]) {
         for (span, means) in spans.iter().zip(means) {
             // Most are short, and loops over them would take longer than the additions.
             match span.len() {
@@ -146,28 +147,28 @@ vectorised! {
                         }
                     }
                     let divisor = Divisor::new(count);
-                    *means = sums.map(|sum| u16::from(divisor.divide(sum)));
+                    *means = sums.map(|sum| u32::from(divisor.divide(sum)));
                 }
             }
         }
     }
 }
 
-/// The mean of a fixed number of pixels, up to 8: a [`Divisor`] of 16 bits is exact for these.
+/// The mean of a fixed number of pixels, up to 8: 16 fractional bits are enough for these.
 #[inline(always)]
-fn mean_of<const COUNT: usize>(row: &[u8], first: usize) -> [u16; 4] {
+fn mean_of<const COUNT: usize>(row: &[u8], first: usize) -> [u32; 4] {
     let pixels = &row[3 * first..][..3 * COUNT + 1];
     let reciprocal = (1 << 16) / (2 * COUNT as u32) + 1;
     let mut means = [0; 4];
     for (channel, mean) in means.iter_mut().enumerate() {
-        let sum = (0..COUNT).map(|pixel| u16::from(pixels[3 * pixel + channel])).sum::<u16>();
-        *mean = ((u32::from(2 * sum + COUNT as u16) * reciprocal) >> 16) as u16;
+        let sum = (0..COUNT).map(|pixel| u32::from(pixels[3 * pixel + channel])).sum::<u32>();
+        *mean = ((2 * sum + COUNT as u32) * reciprocal) >> 16;
     }
     means
 }
 
 vectorised! {
-    fn shorten / shorten_avx2 / shorten_avx512 (from: &[u16], to: &mut [u8]) {
+    fn shorten / shorten_avx2 / shorten_avx512 (from: &[u32], to: &mut [u8]) {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = from as u8;
         }
@@ -263,7 +264,7 @@ mod tests {
         for first in 0..3900 {
             let wanted = |count: usize| {
                 let sum = |c: usize| (0..count).map(|x| u32::from(row[3 * (first + x) + c])).sum();
-                [0, 1, 2].map(|channel| u16::from(Divisor::new(count).any(sum(channel))))
+                [0, 1, 2].map(|channel| u32::from(Divisor::new(count).any(sum(channel))))
             };
             let found = [
                 mean_of::<1>(&row, first),
