@@ -180,7 +180,8 @@ pub fn zoom_blur(
     let scale = (1.0 / (1.0 + count)) as f32;
     for y in 0..height {
         start_sums(src.row(y), sums, own_weight);
-        for (zoom, ((down, weight), columns)) in zooms.iter().zip(columns.chunks_exact(width)).enumerate() {
+        for (zoom, (down, weight)) in zooms.iter().enumerate() {
+            let columns = &columns[zoom * width..][..width];
             let Some(tap) = down.tap(y) else { continue };
             let upper = src.row(tap.first as usize);
             let lower = src.row((tap.first as usize + 1).min(height - 1));
