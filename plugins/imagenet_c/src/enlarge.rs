@@ -3,28 +3,52 @@
 use pdk_sdk::ops::float::Image;
 use pdk_sdk::ops::zoom::Grid;
 
-/// The middle of an image, enlarged to its size: hands out row by row, interpolated linearly on a grid from corner to corner.
-pub fn enlarge(image: &Image, factor: f64, mut each: impl FnMut(usize, &[f32])) {
-    let Image { width, height, channels, .. } = *image;
-    let columns = Grid::new(width, factor);
-    let rows = Grid::new(height, factor);
-    let places: Vec<(usize, f32)> = (0..width).map(|x| columns.place(x)).collect();
-    let (mut between, mut row) = (vec![0.0; width * channels], vec![0.0; width * channels]);
+/// Two columns of an image, and how far behind the first one a column of the result lies.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    left: usize,
+    right: usize,
+    share: f32,
+}
+
+/// What [`enlarge`] keeps between calls.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    places: Vec<Place>,
+    between: Vec<f32>,
+    row: Vec<f32>,
+}
+
+/// The middle of an image of one channel, enlarged to its size: hands out row by row, interpolated linearly on a grid from corner to
+/// corner.
+pub fn enlarge(
+    image: &Image,
+    factor: f64,
+    Workspace { places, between, row }: &mut Workspace,
+    mut each: impl FnMut(usize, &[f32]),
+) {
+    let Image { width, height, .. } = *image;
+    let (columns, rows) = (Grid::new(width, factor), Grid::new(height, factor));
+    places.clear();
+    places.extend((0..width).map(|x| {
+        let (left, share) = columns.place(x);
+        Place { left, right: (left + 1).min(columns.last()), share }
+    }));
+    between.resize(width, 0.0);
+    row.resize(width, 0.0);
+    let used = places.first().map_or(0, |place| place.left)..columns.last() + 1;
     for y in 0..height {
         let (above, down) = rows.place(y);
         let below = (above + 1).min(rows.last());
-        let pairs = image.row(above).iter().zip(image.row(below));
-        for (to, (&a, &b)) in between.iter_mut().zip(pairs) {
+        let pairs = image.row(above)[used.clone()].iter().zip(&image.row(below)[used.clone()]);
+        for (to, (&a, &b)) in between[used.clone()].iter_mut().zip(pairs) {
             *to = a + (b - a) * down;
         }
-        for (to, &(left, right)) in row.chunks_exact_mut(channels).zip(&places) {
-            let next = (left + 1).min(columns.last());
-            let (a, b) = (&between[left * channels..][..channels], &between[next * channels..][..channels]);
-            for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
-                *to = a + (b - a) * right;
-            }
+        for (to, place) in row.iter_mut().zip(&*places) {
+            let (a, b) = (between[place.left], between[place.right]);
+            *to = a + (b - a) * place.share;
         }
-        each(y, &row);
+        each(y, row);
     }
 }
 
@@ -34,8 +58,17 @@ mod tests {
 
     #[test]
     fn a_factor_of_one_changes_nothing() {
-        let values: Vec<f32> = (0..5 * 4 * 3).map(|value| value as f32).collect();
-        let image = Image { values, width: 5, height: 4, channels: 3 };
-        enlarge(&image, 1.0, |y, row| assert_eq!(row, image.row(y)));
+        let values: Vec<f32> = (0..5 * 4).map(|value| value as f32).collect();
+        let image = Image { values, width: 5, height: 4, channels: 1 };
+        enlarge(&image, 1.0, &mut Workspace::default(), |y, row| assert_eq!(row, image.row(y)));
+    }
+
+    #[test]
+    fn the_middle_is_stretched_from_corner_to_corner() {
+        let values: Vec<f32> = (0..4 * 4).map(|value| value as f32).collect();
+        let image = Image { values, width: 4, height: 4, channels: 1 };
+        let mut rows = Vec::new();
+        enlarge(&image, 2.0, &mut Workspace::default(), |_, row| rows.push([row[0], row[3]]));
+        assert_eq!([rows[0], rows[3]], [[5.0, 6.0], [9.0, 10.0]]);
     }
 }

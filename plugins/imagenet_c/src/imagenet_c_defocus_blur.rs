@@ -1,16 +1,16 @@
 //! Defocus: a disc with soft edges.
 
 use pdk_sdk::ops::border::reflect;
-use pdk_sdk::ops::float::{Edge, Image, Workspace, gaussian, symmetric};
+use pdk_sdk::ops::float::{Edge, Workspace, gaussian, symmetric};
 use pdk_sdk::prelude::*;
 
-use crate::suite::corruption;
+use crate::suite::{MadeFor, corruption};
 
 /// Averages over a disc.
 #[derive(Default)]
 pub struct DefocusBlur {
-    image: Image,
-    blurred: Image,
+    made_for: MadeFor,
+    disc: Vec<Vec<f32>>,
     workspace: Workspace,
 }
 
@@ -41,10 +41,13 @@ impl Component for DefocusBlur {
 
 impl Perturbation for DefocusBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        self.image.read(src);
-        let disc = disc(cx.number("radius"), cx.number("edge"));
-        symmetric(&self.image, &disc, Edge::Mirrored, &mut self.blurred, &mut self.workspace);
-        self.blurred.write(dst);
+        let (radius, edge) = (cx.number("radius"), cx.number("edge"));
+        // The disc is the same for frames of all sizes.
+        if self.made_for.is_new([0; 2], None, &[radius, edge]) {
+            self.disc = disc(radius, edge);
+            leave_out_traces(&mut self.disc);
+        }
+        symmetric(src, dst, &self.disc, Edge::Mirrored, &mut self.workspace);
         Ok(())
     }
 }
@@ -74,10 +77,24 @@ fn disc(radius: f64, edge: f64) -> Vec<Vec<f32>> {
     (reach..size).map(|y| (reach..size).map(|x| softened(x, y)).collect()).collect()
 }
 
+/// A weight that is smaller than the next larger one by this factor is a trace, and so are those below it: of whole grey levels, all
+/// traces together change no sum that another weight has a part in. 24 bits are those of a number, 10 those of four grey levels of 255,
+/// and 16 are for the number of weights.
+const TRACE: f32 = 1.0 / (1u64 << 50) as f32;
+
+/// Sets traces to 0. An edge that is hardly softened consists of them: the work for them is as much as for others, and many times as
+/// much if they are so small that the processor computes with them step by step.
+fn leave_out_traces(disc: &mut [Vec<f32>]) {
+    let mut weights: Vec<f32> = disc.iter().flatten().copied().filter(|weight| *weight > 0.0).collect();
+    weights.sort_unstable_by(|a, b| b.total_cmp(a));
+    let largest_trace = weights.windows(2).find(|pair| pair[1] < pair[0] * TRACE).map_or(0.0, |pair| pair[1]);
+    disc.iter_mut().flatten().filter(|weight| **weight <= largest_trace).for_each(|weight| *weight = 0.0);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::stays_grey;
+    use crate::testing::{frame, perturbed, stays_grey};
 
     #[test]
     fn passes_the_test_kit() {
@@ -87,5 +104,44 @@ mod tests {
     #[test]
     fn a_grey_frame_stays_grey() {
         stays_grey::<DefocusBlur>(&[0.0, 1.5, 4.0], 98..=101);
+    }
+
+    /// The same, with all weights.
+    fn with_traces(src: &FrameBuf, [radius, edge]: [f64; 2]) -> FrameBuf {
+        let mut dst = FrameBuf::new(src.width(), src.height());
+        let mut workspace = Workspace::default();
+        symmetric(src.as_ref(), dst.as_mut(), &disc(radius, edge), Edge::Mirrored, &mut workspace);
+        dst
+    }
+
+    #[test]
+    fn traces_change_nothing() {
+        // Black, white, steps between them and noise.
+        let mut src = frame(0, 64, 48);
+        for (y, row) in src.as_mut().rows_mut().enumerate() {
+            match y / 8 {
+                0 => row.fill(255),
+                1 => row.iter_mut().step_by(17).for_each(|value| *value = 255),
+                2 | 3 => Key([y as u8; 32]).frame(0).fill(row),
+                4 => row[90..].fill(1),
+                _ => {}
+            }
+        }
+        assert_eq!(perturbed::<DefocusBlur>(&src, 0.0, 1), with_traces(&src, [3.0, 0.1]));
+        assert_eq!(perturbed::<DefocusBlur>(&src, 1.0, 1), with_traces(&src, [4.0, 0.5]));
+    }
+
+    #[test]
+    fn an_edge_that_is_hardly_softened_consists_of_traces() {
+        let count = |disc: &[Vec<f32>]| disc.iter().flatten().filter(|weight| **weight != 0.0).count();
+        let mut sharp = disc(3.0, 0.1);
+        assert!(count(&sharp) > 11);
+        leave_out_traces(&mut sharp);
+        // The 29 pixels of a disc are 11 in a quadrant.
+        assert_eq!(count(&sharp), 11);
+        let mut soft = disc(4.0, 0.5);
+        let before = soft.clone();
+        leave_out_traces(&mut soft);
+        assert_eq!(soft, before);
     }
 }

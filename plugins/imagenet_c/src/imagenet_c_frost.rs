@@ -7,6 +7,7 @@ use pdk_sdk::ops::ice;
 use pdk_sdk::ops::point::truncated;
 use pdk_sdk::prelude::*;
 
+use crate::simd::vectorised;
 use crate::suite::{MadeFor, corruption};
 
 /// Means of red, green and blue of each photograph, and the deviation of its brightness.
@@ -76,11 +77,17 @@ impl Perturbation for Frost {
         }
         let (frame, ice) = (cx.number("weight") as f32, cx.number("ice") as f32);
         for ((from, to), cold) in src.rows().zip(dst.rows_mut()).zip(self.ice.as_ref().rows()) {
-            for ((&from, to), &cold) in from.iter().zip(to).zip(cold) {
-                *to = truncated(frame * f32::from(from) + ice * f32::from(cold));
-            }
+            add_ice(from, cold, to, frame, ice);
         }
         Ok(())
+    }
+}
+
+vectorised! {
+    fn add_ice / add_ice_avx2 / add_ice_avx512 (from: &[u8], cold: &[u8], to: &mut [u8], frame: f32, ice: f32) {
+        for ((&from, to), &cold) in from.iter().zip(to).zip(cold) {
+            *to = truncated(frame * f32::from(from) + ice * f32::from(cold));
+        }
     }
 }
 

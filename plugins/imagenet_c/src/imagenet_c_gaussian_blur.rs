@@ -1,6 +1,6 @@
 //! Gaussian blur.
 
-use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
+use pdk_sdk::ops::float::{Edge, Workspace, separable_frame};
 use pdk_sdk::prelude::*;
 
 use crate::gaussian::weights;
@@ -9,7 +9,6 @@ use crate::suite::corruption;
 /// Smooths with a Gaussian.
 #[derive(Default)]
 pub struct GaussianBlur {
-    image: Image,
     workspace: Workspace,
 }
 
@@ -32,9 +31,7 @@ impl Component for GaussianBlur {
 impl Perturbation for GaussianBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let weights = weights(cx.number("sigma"));
-        self.image.read(src);
-        separable(&mut self.image, &weights, &weights, Edge::Nearest, &mut self.workspace);
-        self.image.write(dst);
+        separable_frame(src, dst, &weights, &weights, Edge::Nearest, &mut self.workspace);
         Ok(())
     }
 }

@@ -1,15 +1,18 @@
 //! Frosted glass: pixels change places.
 
-use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
+use pdk_sdk::ops::float::{Edge, Workspace, separable_frame};
 use pdk_sdk::prelude::*;
 
 use crate::gaussian::weights;
-use crate::suite::corruption;
+use crate::suite::{MadeFor, corruption};
 
 /// Smooths, copies pixels from nearby, and smooths again.
 #[derive(Default)]
 pub struct GlassBlur {
-    image: Image,
+    made_for: MadeFor,
+    /// For each pixel the place of the one whose colour it gets.
+    sources: Vec<u32>,
+    smooth: FrameBuf,
     scattered: FrameBuf,
     workspace: Workspace,
 }
@@ -40,29 +43,41 @@ impl Component for GlassBlur {
 impl Perturbation for GlassBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (width, height) = (src.width(), src.height());
-        let Self { image, scattered, workspace } = self;
-        let weights = weights(cx.number("sigma"));
-        image.read(src);
-        separable(image, &weights, &weights, Edge::Nearest, workspace);
+        let (distance, rounds) = (cx.integer("distance").max(1), cx.integer("rounds").max(1));
+        let drawn_with = [distance as f64, rounds as f64];
+        if self.made_for.is_new([width, height], Some(*cx.key()), &drawn_with) {
+            self.draw(width, height, distance as usize, rounds as usize, &mut cx.sequence_random());
+        }
+        let Self { sources, smooth, scattered, workspace, .. } = self;
+        smooth.resize(width, height);
         scattered.resize(width, height);
-        image.write(scattered.as_mut());
+        let weights = weights(cx.number("sigma"));
+        separable_frame(src, smooth.as_mut(), &weights, &weights, Edge::Nearest, workspace);
+        let pixels = smooth.data().as_chunks::<3>().0;
+        for (to, &source) in scattered.as_mut().data_mut().as_chunks_mut::<3>().0.iter_mut().zip(&*sources) {
+            *to = pixels[source as usize];
+        }
+        separable_frame(scattered.as_ref(), dst, &weights, &weights, Edge::Nearest, workspace);
+        Ok(())
+    }
+}
 
-        let distance = cx.integer("distance").max(1) as usize;
-        let mut random = cx.sequence_random();
-        for _ in 0..cx.integer("rounds").max(1) {
+impl GlassBlur {
+    /// Draws where pixels come from. They change places in turn, so what is copied is the source of a pixel that may have changed
+    /// already.
+    fn draw(&mut self, width: usize, height: usize, distance: usize, rounds: usize, random: &mut Random) {
+        self.sources.clear();
+        self.sources.extend(0..(width * height) as u32);
+        for _ in 0..rounds {
             for y in (distance + 1..=height.saturating_sub(distance)).rev() {
                 for x in (distance + 1..=width.saturating_sub(distance)).rev() {
                     let right = random.below(2 * distance as u32) as usize;
                     let down = random.below(2 * distance as u32) as usize;
-                    let colour = scattered.as_ref().pixel(x + right - distance, y + down - distance);
-                    scattered.as_mut().set_pixel(x, y, colour);
+                    self.sources[y * width + x] =
+                        self.sources[(y + down - distance) * width + x + right - distance];
                 }
             }
         }
-        image.read(scattered.as_ref());
-        separable(image, &weights, &weights, Edge::Nearest, workspace);
-        image.write(dst);
-        Ok(())
     }
 }
 

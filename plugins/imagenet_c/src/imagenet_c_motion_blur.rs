@@ -1,6 +1,6 @@
 //! Motion blur along a line.
 
-use pdk_sdk::ops::float::{Image, Workspace, moved};
+use pdk_sdk::ops::float::{Workspace, moved_frame};
 use pdk_sdk::prelude::*;
 
 use crate::line::motion;
@@ -9,8 +9,6 @@ use crate::suite::corruption;
 /// Blurs along a line at a random angle.
 #[derive(Default)]
 pub struct MotionBlur {
-    image: Image,
-    blurred: Image,
     workspace: Workspace,
 }
 
@@ -44,9 +42,7 @@ impl Perturbation for MotionBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let degrees = cx.sequence_random().uniform(-45.0, 45.0);
         let copies = motion(cx.number("radius"), cx.number("sigma"), degrees, (src.width(), src.height()));
-        self.image.read(src);
-        moved(&self.image, &copies, &mut self.blurred, &mut self.workspace);
-        self.blurred.write(dst);
+        moved_frame(src, dst, &copies, &mut self.workspace);
         Ok(())
     }
 }

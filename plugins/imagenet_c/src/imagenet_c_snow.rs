@@ -1,12 +1,13 @@
 //! Snow: flakes blown across a frame that is a little whiter.
 
 use pdk_sdk::ops::float::{Image, Workspace, moved};
-use pdk_sdk::ops::point::truncated;
+use pdk_sdk::ops::rgbx;
 use pdk_sdk::ops::zoom::Grid;
 use pdk_sdk::prelude::*;
 
-use crate::enlarge::enlarge;
+use crate::enlarge::{self, enlarge};
 use crate::line::motion;
+use crate::simd::vectorised;
 use crate::suite::corruption;
 
 /// Lays streaks of snow over the frame, and the same ones upside down.
@@ -16,6 +17,15 @@ pub struct Snow {
     flakes: Image,
     streaks: Image,
     workspace: Workspace,
+    enlarged: enlarge::Workspace,
+    /// A row of the frame, followed by the byte that the last pixel is read with.
+    row: Vec<u8>,
+    /// For each pixel of a row how much snow covers it, and the grey that it is whitened to.
+    snow: Vec<f32>,
+    white: Vec<f32>,
+    /// A row of the result.
+    pixels: Vec<[f32; 4]>,
+    bytes: Vec<[u8; 4]>,
 }
 
 impl Component for Snow {
@@ -75,24 +85,69 @@ impl Perturbation for Snow {
         let copies =
             motion(cx.number("radius"), cx.number("sigma"), random.uniform(-135.0, -45.0), (width, height));
         moved(&self.flakes, &copies, &mut self.streaks, &mut self.workspace);
-        // To whole grey levels, which is where a streak ends.
-        self.streaks.values.iter_mut().for_each(|value| *value = (*value * 255.0).round_ties_even());
 
         let weight = cx.number("weight") as f32;
-        let streaks = self.streaks.values.iter().zip(self.streaks.values.iter().rev());
-        let mut snow = streaks.map(|(streak, turned)| streak + turned);
-        for (from, to) in src.rows().zip(dst.rows_mut()) {
-            for (from, to) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
-                let snow = snow.next().unwrap_or_default();
-                let [r, g, b] = [0, 1, 2].map(|channel| f32::from(from[channel]));
-                let white = (0.299 * r + 0.587 * g + 0.114 * b) * 1.5 + 127.5;
-                for (to, value) in to.iter_mut().zip([r, g, b]) {
-                    let whitened = weight * value + (1.0 - weight) * value.max(white);
-                    *to = truncated(whitened + snow);
-                }
-            }
+        let Self { streaks, row, snow, white, pixels, bytes, .. } = self;
+        row.resize(3 * width + 1, 0);
+        snow.resize(width, 0.0);
+        white.resize(width, 0.0);
+        pixels.resize(width, [0.0; 4]);
+        bytes.resize(width, [0; 4]);
+        for (y, (from, to)) in src.rows().zip(dst.rows_mut()).enumerate() {
+            row[..3 * width].copy_from_slice(from);
+            add_turned(streaks.row(y), streaks.row(height - 1 - y), snow);
+            whiten(from, white);
+            cover(row, white, snow, weight, pixels);
+            rgbx::truncate(pixels, bytes, to);
         }
         Ok(())
+    }
+}
+
+/// Adding this to a number from 0 to 2^22, and subtracting it again, rounds it half to even.
+const ROUNDING: f32 = 8_388_608.0;
+
+/// In whole grey levels, which is where a streak ends.
+#[inline(always)]
+fn levels(streak: f32) -> f32 {
+    streak * 255.0 + ROUNDING - ROUNDING
+}
+
+vectorised! {
+    // A row of streaks, and a row of the same ones turned round.
+    fn add_turned / add_turned_avx2 / add_turned_avx512 (streaks: &[f32], turned: &[f32], snow: &mut [f32]) {
+        for ((snow, &streak), &turned) in snow.iter_mut().zip(streaks).zip(turned.iter().rev()) {
+            *snow = levels(streak) + levels(turned);
+        }
+    }
+}
+
+vectorised! {
+    fn whiten / whiten_avx2 (from: &[u8], white: &mut [f32]) {
+        for (from, white) in from.chunks_exact(3).zip(white) {
+            let [r, g, b] = [0, 1, 2].map(|channel| f32::from(from[channel]));
+            *white = (0.299 * r + 0.587 * g + 0.114 * b) * 1.5 + 127.5;
+        }
+    }
+}
+
+vectorised! {
+    fn cover / cover_avx2 (row: &[u8], white: &[f32], snow: &[f32], weight: f32, to: &mut [[f32; 4]]) {
+        for (x, ((&white, &snow), to)) in white.iter().zip(snow).zip(to).enumerate() {
+            for (to, &value) in to.iter_mut().zip(&row[3 * x..][..4]) {
+                let value = f32::from(value);
+                let whitened = weight * value + (1.0 - weight) * value.max(white);
+                *to = whitened + snow;
+            }
+        }
+    }
+}
+
+vectorised! {
+    fn keep_flakes / keep_flakes_avx2 / keep_flakes_avx512 (values: &[f32], threshold: f32, flakes: &mut [f32]) {
+        for (flake, &value) in flakes.iter_mut().zip(values) {
+            *flake = if value < threshold { 0.0 } else { value.clamp(0.0, 1.0) };
+        }
     }
 }
 
@@ -112,10 +167,8 @@ impl Snow {
         let threshold = cx.number("threshold") as f32;
         self.flakes.resize(width, height, 1);
         let flakes = &mut self.flakes.values;
-        enlarge(&self.drawn, size, |y, row| {
-            for (flake, &value) in flakes[y * width..][..width].iter_mut().zip(row) {
-                *flake = if value < threshold { 0.0 } else { value.clamp(0.0, 1.0) };
-            }
+        enlarge(&self.drawn, size, &mut self.enlarged, |y, row| {
+            keep_flakes(row, threshold, &mut flakes[y * width..][..width]);
         });
     }
 }

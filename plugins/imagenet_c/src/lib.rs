@@ -13,6 +13,7 @@
 //! | [`line`] | copies along a line, for motion blur and snow |
 //! | [`enlarge`] | the enlarged middle of an image, for zoom blur and snow |
 //! | [`chamfer`] | edges and distances from them, for spatter |
+//! | [`simd`] | compiling a function for several sets of instructions |
 //! | [`suite`] | what their descriptions share |
 
 mod chamfer;
@@ -38,6 +39,7 @@ mod imagenet_c_spatter;
 mod imagenet_c_speckle_noise;
 mod imagenet_c_zoom_blur;
 mod line;
+mod simd;
 mod suite;
 
 #[cfg(test)]

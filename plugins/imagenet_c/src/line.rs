@@ -2,13 +2,10 @@
 
 use std::f64::consts::PI;
 
+use pdk_sdk::ops::float::Moved;
+
 /// Copies of a moving image, each so far moved right and down, with weights that sum to 1: the half of a Gaussian along a line.
-pub fn motion(
-    radius: f64,
-    sigma: f64,
-    degrees: f64,
-    (width, height): (usize, usize),
-) -> Vec<([isize; 2], f32)> {
+pub fn motion(radius: f64, sigma: f64, degrees: f64, (width, height): (usize, usize)) -> Vec<Moved> {
     let count = 2 * radius.round() as usize + 1;
     let density = |step: usize| libm::exp(-((step * step) as f64) / (2.0 * sigma * sigma));
     let total: f64 = (0..count).map(density).sum();

@@ -2,10 +2,15 @@
 //!
 //! Each result is a sum of products in a fixed order, and none is fused, so every machine computes the same numbers.
 
+mod rows;
+mod sums;
+
 use crate::border::reflect;
 use crate::frame::{Frame, FrameMut};
 use crate::point::truncated;
 use crate::simd::vectorised;
+use rows::{Frames, Images, Rows};
+use sums::{BLOCK, add_around, weighted_sums};
 
 /// What lies beyond the edges of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +81,12 @@ impl Image {
         }
     }
 
+    /// The numbers of a row, to be written.
+    fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        let line = self.width * self.channels;
+        &mut self.values[y * line..][..line]
+    }
+
     /// The numbers of a row.
     pub fn row(&self, y: usize) -> &[f32] {
         let line = self.width * self.channels;
@@ -83,12 +94,21 @@ impl Image {
     }
 }
 
+/// A copy of an image: how far it is moved right and down, and its weight.
+pub type Moved = ([isize; 2], f32);
+
 /// What the filters keep between calls.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
+    /// Rows of the image: those around the ones that are computed.
+    ring: Vec<f32>,
     between: Vec<f32>,
     padded: Vec<f32>,
-    sum: Vec<f32>,
+    sums: Vec<f32>,
+    /// Where the values begin that are added up, in the order of their distance from the first one.
+    starts: Vec<usize>,
+    /// Where values begin, and their weight.
+    weighted: Vec<(usize, f32)>,
 }
 
 /// The weights of a Gaussian at the distances 0 to `radius`; with those on the other side they sum to 1.
@@ -100,96 +120,157 @@ pub fn gaussian(sigma: f64, radius: usize) -> Vec<f32> {
 
 /// Correlates with a symmetric kernel in each direction; `down` and `right` are its weights from the middle on.
 pub fn separable(image: &mut Image, down: &[f32], right: &[f32], edge: Edge, workspace: &mut Workspace) {
-    let Image { width, height, channels, .. } = *image;
+    correlate(image, down, right, edge, workspace);
+}
+
+/// As [`separable`], from one frame to another, with values from 0 to 255. The results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
+pub fn separable_frame(
+    src: Frame<'_>,
+    dst: FrameMut<'_>,
+    down: &[f32],
+    right: &[f32],
+    edge: Edge,
+    workspace: &mut Workspace,
+) {
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    correlate(Frames { src, dst }, down, right, edge, workspace);
+}
+
+/// Columns that are worked on at a time, so that the rows around a row stay in the fastest cache from one row to the next.
+const STRIP: usize = 3 * BLOCK;
+/// Numbers in the widest vector. Those that begin at a multiple of it are read in one piece.
+const ALIGNMENT: usize = 16;
+/// Rows that are computed together. What they need, and what is between both directions, stays in the second cache.
+const BAND: usize = 16;
+
+fn correlate(mut rows: impl Rows, down: &[f32], right: &[f32], edge: Edge, workspace: &mut Workspace) {
+    let [width, height, channels] = rows.size();
     let line = width * channels;
-    let Workspace { between, padded, .. } = workspace;
-    between.resize(line * height, 0.0);
-    for (y, sum) in between.chunks_exact_mut(line).enumerate() {
-        scale(image.row(y), sum, down[0]);
-        for (distance, weight) in down.iter().enumerate().skip(1) {
-            let at = |moved: isize| image.row(edge.place(y as isize + moved, height));
-            add_both(at(-(distance as isize)), at(distance as isize), sum, *weight);
+    let (reach_down, reach) = (down.len() - 1, right.len() - 1);
+    let stride = line + 2 * reach * channels;
+    let slots = (BAND + 2 * reach_down).min(height);
+    let Workspace { ring, between, sums, starts, .. } = workspace;
+    ring.resize(slots * line + ALIGNMENT, 0.0);
+    let aligned = ring.as_ptr().align_offset(ALIGNMENT * size_of::<f32>()).min(ALIGNMENT);
+    let ring = &mut ring[aligned..];
+    between.resize(BAND * stride, 0.0);
+    sums.resize(line, 0.0);
+    let mut read = 0;
+    for top in (0..height).step_by(BAND) {
+        let band = top..(top + BAND).min(height);
+        while read < (band.end + reach_down).min(height) {
+            rows.read(read, &mut ring[read % slots * line..][..line]);
+            read += 1;
         }
-    }
-    let reach = right.len() - 1;
-    for (from, sum) in between.chunks_exact(line).zip(image.values.chunks_exact_mut(line)) {
-        pad(from, width, channels, reach, edge, padded);
-        let at = |moved: isize| &padded[(reach as isize + moved) as usize * channels..][..line];
-        scale(at(0), sum, right[0]);
-        for (distance, weight) in right.iter().enumerate().skip(1) {
-            add_both(at(-(distance as isize)), at(distance as isize), sum, *weight);
+        let around = band.start as isize - reach_down as isize..(band.end + reach_down) as isize;
+        for first in (0..line).step_by(STRIP) {
+            let strip = first..(first + STRIP).min(line);
+            starts.clear();
+            starts.extend(around.clone().map(|y| edge.place(y, height) % slots * line + first));
+            for (around, padded) in starts.windows(2 * reach_down + 1).zip(between.chunks_exact_mut(stride)) {
+                let sums = &mut padded[reach * channels..][strip.clone()];
+                sums.fill(0.0);
+                add_around(ring, around, down, sums);
+            }
+        }
+        starts.clear();
+        starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
+        for (y, padded) in band.zip(between.chunks_exact_mut(stride)) {
+            pad(padded, width, channels, reach, edge);
+            sums.fill(0.0);
+            add_around(padded, starts, right, sums);
+            rows.write(y, sums);
         }
     }
 }
 
 /// Correlates with a kernel that is symmetric in both directions; `quadrant` has its weights from the middle on, row by row
-/// of the same length.
+/// of the same length. Values are from 0 to 255; the results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
 pub fn symmetric(
-    image: &Image,
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
     quadrant: &[Vec<f32>],
     edge: Edge,
-    into: &mut Image,
     workspace: &mut Workspace,
 ) {
-    let Image { width, height, channels, .. } = *image;
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    let (width, height, channels) = (src.width(), src.height(), crate::frame::CHANNELS);
     let line = width * channels;
-    into.resize(width, height, channels);
-    let Workspace { padded, sum, .. } = workspace;
-    sum.resize(line, 0.0);
-    for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
-        total.fill(0.0);
+    let Workspace { padded, sums, starts, .. } = workspace;
+    sums.resize(line, 0.0);
+    for (y, to) in dst.rows_mut().enumerate() {
+        sums.fill(0.0);
         for (distance, weights) in quadrant.iter().enumerate() {
-            let at = |moved: isize| image.row(edge.place(y as isize + moved, height));
-            scale(at(distance as isize), sum, 1.0);
-            if distance > 0 {
-                let above = at(-(distance as isize));
-                add(above, sum, 1.0);
+            // Weights of 0 add nothing, and kernels are often wider than what is not 0 in them.
+            let Some(reach) = weights.iter().rposition(|weight| *weight != 0.0) else { continue };
+            let at = |moved: isize| src.row(edge.place(y as isize + moved, height));
+            padded.resize((width + 2 * reach) * channels, 0.0);
+            let row = &mut padded[reach * channels..][..line];
+            match distance as isize {
+                0 => widen(at(0), row),
+                distance => add_rows(at(distance), at(-distance), row),
             }
-            let reach = weights.len() - 1;
-            pad(sum, width, channels, reach, edge, padded);
-            let at = |moved: isize| &padded[(reach as isize + moved) as usize * channels..][..line];
-            add(at(0), total, weights[0]);
-            for (distance, weight) in weights.iter().enumerate().skip(1).filter(|(_, weight)| **weight != 0.0)
-            {
-                add_both(at(-(distance as isize)), at(distance as isize), total, *weight);
-            }
+            pad(padded, width, channels, reach, edge);
+            starts.clear();
+            starts.extend((0..=2 * reach).map(|pixel| pixel * channels));
+            add_around(padded, starts, &weights[..=reach], sums);
         }
+        drop_fractions(sums, to);
     }
 }
 
 /// The weighted sum of copies of the image that are moved by this many pixels right and down, their edges repeated.
-pub fn moved(image: &Image, copies: &[([isize; 2], f32)], into: &mut Image, workspace: &mut Workspace) {
-    let Image { width, height, channels, .. } = *image;
+pub fn moved(image: &Image, copies: &[Moved], into: &mut Image, workspace: &mut Workspace) {
+    into.resize(image.width, image.height, image.channels);
+    add_moved(Images { from: image, into }, copies, workspace);
+}
+
+/// As [`moved`], from one frame to another, with values from 0 to 255. The results are clipped to them, and their fractions dropped.
+///
+/// # Panics
+/// If the sizes of the frames differ.
+pub fn moved_frame(src: Frame<'_>, dst: FrameMut<'_>, copies: &[Moved], workspace: &mut Workspace) {
+    assert!(src.same_size(&dst.as_ref()), "a filter between frames of different size");
+    add_moved(Frames { src, dst }, copies, workspace);
+}
+
+fn add_moved(mut rows: impl Rows, copies: &[Moved], workspace: &mut Workspace) {
+    let [width, height, channels] = rows.size();
     let line = width * channels;
-    into.resize(width, height, channels);
     let furthest = copies.iter().map(|([right, _], _)| right.unsigned_abs()).max().unwrap_or_default();
     let stride = line + 2 * furthest * channels;
-    let Workspace { padded, between, .. } = workspace;
+    let Workspace { between, weighted, sums, .. } = workspace;
     between.resize(stride * height, 0.0);
+    sums.resize(line, 0.0);
     for (y, to) in between.chunks_exact_mut(stride).enumerate() {
-        pad(image.row(y), width, channels, furthest, Edge::Nearest, padded);
-        to.copy_from_slice(&padded[..stride]);
+        rows.read(y, &mut to[furthest * channels..][..line]);
+        pad(to, width, channels, furthest, Edge::Nearest);
     }
-    for (y, total) in into.values.chunks_exact_mut(line).enumerate() {
-        total.fill(0.0);
-        for ([right, down], weight) in copies {
+    for y in 0..height {
+        weighted.clear();
+        weighted.extend(copies.iter().map(|([right, down], weight)| {
             let row = Edge::Nearest.place(y as isize - down, height);
-            let start = row * stride + (furthest as isize - right) as usize * channels;
-            add(&between[start..start + line], total, *weight);
-        }
+            (row * stride + (furthest as isize - right) as usize * channels, *weight)
+        }));
+        weighted_sums(between, weighted, sums);
+        rows.write(y, sums);
     }
 }
 
-/// A row that goes on for `reach` pixels at both ends.
-fn pad(row: &[f32], width: usize, channels: usize, reach: usize, edge: Edge, into: &mut Vec<f32>) {
-    into.resize((width + 2 * reach) * channels, 0.0);
-    into[reach * channels..][..row.len()].copy_from_slice(row);
+/// Fills the `reach` pixels at both ends of a row, which lies between them.
+fn pad(padded: &mut [f32], width: usize, channels: usize, reach: usize, edge: Edge) {
     for distance in 1..=reach {
         let left = edge.place(-(distance as isize), width);
         let right = edge.place((width + distance - 1) as isize, width);
         for (to, from) in [(reach - distance, left), (reach + width + distance - 1, right)] {
-            let pixel = &row[from * channels..][..channels];
-            into[to * channels..][..channels].copy_from_slice(pixel);
+            let from = (reach + from) * channels;
+            padded.copy_within(from..from + channels, to * channels);
         }
     }
 }
@@ -211,25 +292,9 @@ vectorised! {
 }
 
 vectorised! {
-    fn scale / scale_avx2 / scale_avx512 (from: &[f32], to: &mut [f32], weight: f32) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = from * weight;
-        }
-    }
-}
-
-vectorised! {
-    fn add / add_avx2 / add_avx512 (from: &[f32], sum: &mut [f32], weight: f32) {
-        for (sum, &from) in sum.iter_mut().zip(from) {
-            *sum += from * weight;
-        }
-    }
-}
-
-vectorised! {
-    fn add_both / add_both_avx2 / add_both_avx512 (a: &[f32], b: &[f32], sum: &mut [f32], weight: f32) {
-        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
-            *sum += (a + b) * weight;
+    fn add_rows / add_rows_avx2 / add_rows_avx512 (a: &[u8], b: &[u8], to: &mut [f32]) {
+        for ((to, &a), &b) in to.iter_mut().zip(a).zip(b) {
+            *to = f32::from(u16::from(a) + u16::from(b));
         }
     }
 }
@@ -237,6 +302,7 @@ vectorised! {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::FrameBuf;
     use pdk_seed::Key;
 
     fn image(width: usize, height: usize, channels: usize) -> Image {
@@ -274,16 +340,13 @@ mod tests {
         }
     }
 
-    const SIZES: [(usize, usize, usize); 4] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 20, 1)];
+    const SIZES: [(usize, usize, usize); 5] = [(1, 1, 3), (3, 2, 1), (17, 9, 3), (5, 70, 1), (90, 7, 3)];
     const EDGES: [Edge; 3] = [Edge::Nearest, Edge::Symmetric, Edge::Mirrored];
 
     #[test]
     fn filters_match_the_plain_version() {
         let weights = gaussian(1.3, 4);
         let one = |distance: isize| f64::from(weights[distance.unsigned_abs()]);
-        let quadrant: Vec<Vec<f32>> =
-            (0..5).map(|y| (0..5).map(|x| (x + 2 * y) as f32 / 200.0).collect()).collect();
-        let both = |right: isize, down: isize| f64::from(quadrant[down.unsigned_abs()][right.unsigned_abs()]);
         let mut workspace = Workspace::default();
         for (width, height, channels) in SIZES {
             for edge in EDGES {
@@ -291,8 +354,46 @@ mod tests {
                 let mut after = before.clone();
                 separable(&mut after, &weights, &weights, edge, &mut workspace);
                 close(&after, &plain(&before, |right, down| one(right) * one(down), 4, edge));
-                symmetric(&before, &quadrant, edge, &mut after, &mut workspace);
-                close(&after, &plain(&before, both, 4, edge));
+            }
+        }
+    }
+
+    /// A result without its fraction, to within what rounding does to a sum.
+    fn truncations(wanted: &[f64], found: &FrameBuf) {
+        for (wanted, found) in wanted.iter().zip(found.data()) {
+            let found = f64::from(*found);
+            assert!((found - 1e-3..found + 1.001).contains(wanted), "{found} {wanted}");
+        }
+    }
+
+    #[test]
+    fn filters_of_frames_match_the_plain_version() {
+        let weights = gaussian(1.3, 4);
+        let one = |distance: isize| f64::from(weights[distance.unsigned_abs()]);
+        let mut quadrant: Vec<Vec<f32>> =
+            (0..5).map(|y| (0..5).map(|x| (x + 2 * y) as f32 / 700.0).collect()).collect();
+        // An edge of zeros.
+        quadrant.iter_mut().for_each(|row| row.push(0.0));
+        quadrant.push(vec![0.0; 6]);
+        let both = |right: isize, down: isize| f64::from(quadrant[down.unsigned_abs()][right.unsigned_abs()]);
+        let mut workspace = Workspace::default();
+        for (width, height) in [(1, 1), (3, 2), (17, 9), (90, 7), (6, 40)] {
+            let mut src = FrameBuf::new(width, height);
+            Key([9; 32]).sequence().fill(src.as_mut().data_mut());
+            let mut before = Image::default();
+            before.read(src.as_ref());
+            for edge in EDGES {
+                let mut dst = FrameBuf::new(width, height);
+                symmetric(src.as_ref(), dst.as_mut(), &quadrant, edge, &mut workspace);
+                truncations(&plain(&before, both, 5, edge), &dst);
+
+                separable_frame(src.as_ref(), dst.as_mut(), &weights, &weights, edge, &mut workspace);
+                truncations(&plain(&before, |right, down| one(right) * one(down), 4, edge), &dst);
+                let mut image = before.clone();
+                separable(&mut image, &weights, &weights, edge, &mut workspace);
+                let mut same = FrameBuf::new(width, height);
+                image.write(same.as_mut());
+                assert!(same == dst, "{width}x{height}, {edge:?}");
             }
         }
     }
@@ -313,6 +414,17 @@ mod tests {
                     .sum::<f64>()
             };
             close(&after, &plain(&before, weight, 7, Edge::Nearest));
+            if channels == 3 {
+                let (mut src, [mut dst, mut same]) =
+                    (FrameBuf::new(width, height), [0; 2].map(|_| FrameBuf::new(width, height)));
+                before.write(src.as_mut());
+                moved_frame(src.as_ref(), dst.as_mut(), &copies, &mut workspace);
+                let mut whole = Image::default();
+                whole.read(src.as_ref());
+                moved(&whole, &copies, &mut after, &mut workspace);
+                after.write(same.as_mut());
+                assert!(dst == same, "{width}x{height}");
+            }
         }
     }
 

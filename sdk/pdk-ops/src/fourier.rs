@@ -19,6 +19,13 @@ pub(crate) struct Lane(pub(crate) [f32; LANES]);
 
 impl Lane {
     pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    /// The numbers of all lanes, one element after the other. Loops over them are vectorised as they are; in loops over elements the
+    /// compiler mixes lanes of several.
+    pub(crate) fn numbers(elements: &[Self]) -> &[f32] {
+        // SAFETY: an element is `LANES` numbers without padding, and is aligned more strictly than they are.
+        unsafe { std::slice::from_raw_parts(elements.as_ptr().cast(), elements.len() * LANES) }
+    }
 }
 
 impl Index<usize> for Lane {

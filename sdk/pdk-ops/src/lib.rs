@@ -51,6 +51,7 @@ pub mod posterize;
 pub mod processor;
 pub mod resample;
 pub mod resize;
+pub mod rgbx;
 pub mod sample;
 pub mod saturation;
 pub mod scatter;

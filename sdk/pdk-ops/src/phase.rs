@@ -10,6 +10,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use crate::fourier::{LANES, Lane, Plan, Sequences};
 use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::point::truncated;
 use crate::simd::vectorised;
 use pdk_seed::Random;
 
@@ -34,8 +35,8 @@ pub struct Workspace {
     draws: Vec<u8>,
     /// What stands for rows below the frame.
     black: Vec<[u8; CHANNELS]>,
-    /// The results of rows under way.
-    bytes: Vec<[u8; ROWS]>,
+    /// The results of rows under way, even and odd ones.
+    bytes: [Vec<[u8; LANES]>; 2],
 }
 
 /// Adds to the phase of every coefficient of each channel's two-dimensional Fourier transform a random angle from
@@ -65,7 +66,7 @@ pub fn scramble_phase(
     filter.resize(height);
     draws.resize(DRAW * height, 0);
     black.resize(width, [0; CHANNELS]);
-    bytes.resize(width, [0; ROWS]);
+    bytes.iter_mut().for_each(|bytes| bytes.resize(width, [0; LANES]));
 
     for channel in 0..CHANNELS {
         let Sequences { re, im } = &mut *spectrum;
@@ -98,10 +99,13 @@ pub fn scramble_phase(
             put_spectra_together(re, im, top, padded, &mut rows.re, &mut rows.im);
             across.transform(&mut rows.im, &mut rows.re);
             // Each of the two directions enlarges by its length, taking two rows apart by two.
-            round_rows(&rows.re, &rows.im, 1.0 / (2.0 * width as f32 * height as f32), bytes);
+            let scale = 1.0 / (2.0 * width as f32 * height as f32);
+            for (results, bytes) in [&rows.re, &rows.im].into_iter().zip(&mut *bytes) {
+                drop_fractions(Lane::numbers(results), scale, bytes.as_flattened_mut());
+            }
             for (row, y) in (top..height).take(ROWS).enumerate() {
-                for (pixel, bytes) in dst.row_mut(y).chunks_exact_mut(CHANNELS).zip(&*bytes) {
-                    pixel[channel] = bytes[row];
+                for (pixel, bytes) in dst.row_mut(y).chunks_exact_mut(CHANNELS).zip(&bytes[row % 2]) {
+                    pixel[channel] = bytes[row / 2];
                 }
             }
         }
@@ -125,14 +129,10 @@ vectorised! {
 }
 
 vectorised! {
-    /// The results of rows, which come as in [`load_rows`]. The small term keeps whole numbers whole where nothing was
-    /// scrambled.
-    fn round_rows / round_rows_avx2 / round_rows_avx512 (re: &[Lane], im: &[Lane], scale: f32, bytes: &mut [[u8; ROWS]]) {
-        for ((re, im), bytes) in re.iter().zip(im).zip(bytes) {
-            for lane in 0..LANES {
-                bytes[2 * lane] = (re[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
-                bytes[2 * lane + 1] = (im[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
-            }
+    /// The results of rows. The small term keeps whole numbers whole where nothing was scrambled.
+    fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (results: &[f32], scale: f32, bytes: &mut [u8]) {
+        for (byte, result) in bytes.iter_mut().zip(results) {
+            *byte = truncated(result * scale + 1.0 / 256.0);
         }
     }
 }

@@ -1,10 +1,21 @@
 //! Zoom blur: the mean of an image and of its enlargements about the middle.
 
+mod grid;
+#[cfg(target_arch = "x86_64")]
+mod wide;
+
 use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::point::truncated;
+use crate::rgbx::pack;
 use crate::simd::{round_to_byte, vectorised};
+
+pub use grid::Grid;
 
 /// Sums of a pixel have a fourth element that is not used, so that a pixel is as long as a vector.
 const LANES: usize = 4;
+
+/// Values of a row that are read at a time, at most.
+const MOST_READ: usize = 16;
 
 /// The largest number of enlargements [`zoom_blur`] takes.
 pub const MAX_COUNT: f64 = 1000.0;
@@ -24,41 +35,6 @@ pub enum Enlargement {
     Corner,
     /// About the middle of the image and by the factor, exactly.
     Exact,
-}
-
-/// One direction of an enlargement from corner to corner: `ceil(length / factor)` whole pixels from the middle are stretched to a whole number
-/// of pixels near the factor, first to first and last to last.
-#[derive(Debug, Clone, Copy)]
-pub struct Grid {
-    start: usize,
-    count: usize,
-    step: f64,
-}
-
-impl Grid {
-    /// For the middle of `length` pixels, enlarged by a factor.
-    pub fn new(length: usize, factor: f64) -> Self {
-        let count = (libm::ceil(length as f64 / factor) as usize).clamp(1, length);
-        let enlarged = (count as f64 * factor).round_ties_even().max(1.0);
-        let step = if enlarged > 1.0 { (count - 1) as f64 / (enlarged - 1.0) } else { 0.0 };
-        Self { start: (length - count) / 2, count, step }
-    }
-
-    /// How many pixels it is made of.
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// The last pixel that it is made of.
-    pub fn last(&self) -> usize {
-        self.start + self.count - 1
-    }
-
-    /// The pixel before a place in the enlarged image, and how far behind that it is, from 0 to 1.
-    pub fn place(&self, index: usize) -> (usize, f32) {
-        let place = (index as f64 * self.step).min((self.count - 1) as f64);
-        (self.start + place as usize, place.fract() as f32)
-    }
 }
 
 /// Where a position lies between two pixels.
@@ -129,10 +105,15 @@ pub struct Workspace {
     zooms: Vec<(Stretch, f32)>,
     /// The taps of all columns, one enlargement after the other.
     columns: Vec<Tap>,
-    /// A row between two rows of the image, then zeros: two pixels and one more value.
+    /// The same for four columns each, without the last few; empty if columns come from pixels too far apart for that.
+    #[cfg(target_arch = "x86_64")]
+    fours: Vec<wide::Four>,
+    /// A row between two rows of the image, then zeros: as many as are read at a time.
     row: Vec<f32>,
     /// The sums of a row.
     sums: Vec<f32>,
+    /// The results of a row, with the element that is not used.
+    bytes: Vec<[u8; LANES]>,
 }
 
 impl Workspace {
@@ -155,8 +136,20 @@ impl Workspace {
             self.columns.extend((0..width).map(|x| across.tap(x).unwrap_or(black)));
         }
         self.row.clear();
-        self.row.resize((width + 2) * CHANNELS + 1, 0.0);
+        self.row.resize(width * CHANNELS + MOST_READ, 0.0);
+        #[cfg(target_arch = "x86_64")]
+        {
+            self.fours.clear();
+            for columns in self.columns.chunks_exact(width).flat_map(|columns| columns.as_chunks::<4>().0) {
+                let Some(four) = wide::Four::new(columns, width) else {
+                    self.fours.clear();
+                    break;
+                };
+                self.fours.push(four);
+            }
+        }
         self.sums.resize(width * LANES, 0.0);
+        self.bytes.resize(width, [0; LANES]);
     }
 }
 
@@ -180,12 +173,15 @@ pub fn zoom_blur(
     assert!((0.0..=MAX_STEP).contains(&step), "zoom_blur takes a step of 0 to 10, not {step}");
     let (width, height) = (src.width(), src.height());
     workspace.prepare(width, height, count, step, enlargement);
-    let Workspace { zooms, columns, row, sums, .. } = workspace;
+    let Workspace { zooms, columns, row, sums, bytes, .. } = workspace;
+    #[cfg(target_arch = "x86_64")]
+    let fours = Some(&workspace.fours).filter(|fours| !fours.is_empty() && crate::simd::has_avx512());
     let own_weight = (1.0 + count.min(1.0)) as f32;
     let scale = (1.0 / (1.0 + count)) as f32;
     for y in 0..height {
         start_sums(src.row(y), sums, own_weight);
-        for ((down, weight), columns) in zooms.iter().zip(columns.chunks_exact(width)) {
+        for (zoom, (down, weight)) in zooms.iter().enumerate() {
+            let columns = &columns[zoom * width..][..width];
             let Some(tap) = down.tap(y) else { continue };
             let upper = src.row(tap.first as usize);
             let lower = src.row((tap.first as usize + 1).min(height - 1));
@@ -198,12 +194,22 @@ pub fn zoom_blur(
             } else {
                 mix_rows(upper, lower, between, [weight * (1.0 - tap.fraction), weight * tap.fraction]);
             }
-            add_stretched(row, columns, sums);
+            #[cfg(target_arch = "x86_64")]
+            let done = fours.map_or(0, |fours| {
+                let fours = &fours[zoom * (width / 4)..][..width / 4];
+                // SAFETY: the processor has AVX-512.
+                unsafe { wide::add_stretched(row, fours, sums) };
+                4 * fours.len()
+            });
+            #[cfg(not(target_arch = "x86_64"))]
+            let done = 0;
+            add_stretched(row, &columns[done..], &mut sums[done * LANES..]);
         }
         match enlargement {
-            Enlargement::Corner => finish_without_fractions(sums, dst.row_mut(y), scale),
-            Enlargement::WholePixels | Enlargement::Exact => finish(sums, dst.row_mut(y), scale),
+            Enlargement::Corner => finish_without_fractions(sums, bytes.as_flattened_mut(), scale),
+            Enlargement::WholePixels | Enlargement::Exact => finish(sums, bytes.as_flattened_mut(), scale),
         }
+        pack(bytes, dst.row_mut(y));
     }
 }
 
@@ -218,7 +224,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix_rows / mix_rows_avx2 (
+    fn mix_rows / mix_rows_avx2 / mix_rows_avx512 (
         upper: &[u8], lower: &[u8], row: &mut [f32], weights: [f32; 2],
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
@@ -229,7 +235,7 @@ vectorised! {
 
 vectorised! {
     // Unlike `mix_rows`, this leaves what is equal in both rows as it is, which matters where fractions are dropped.
-    fn interpolate_rows / interpolate_rows_avx2 (
+    fn interpolate_rows / interpolate_rows_avx2 / interpolate_rows_avx512 (
         upper: &[u8], lower: &[u8], row: &mut [f32], fraction: f32, weight: f32,
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
@@ -256,23 +262,19 @@ vectorised! {
 }
 
 vectorised! {
-    fn finish / finish_avx2 (sums: &[f32], row: &mut [u8], scale: f32) {
-        for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
-            for (value, sum) in pixel.iter_mut().zip(sums) {
-                *value = round_to_byte(sum * scale);
-            }
+    fn finish / finish_avx2 / finish_avx512 (sums: &[f32], bytes: &mut [u8], scale: f32) {
+        for (value, sum) in bytes.iter_mut().zip(sums) {
+            *value = round_to_byte(sum * scale);
         }
     }
 }
 
 vectorised! {
-    fn finish_without_fractions / finish_without_fractions_avx2 (
-        sums: &[f32], row: &mut [u8], scale: f32,
+    fn finish_without_fractions / finish_without_fractions_avx2 / finish_without_fractions_avx512 (
+        sums: &[f32], bytes: &mut [u8], scale: f32,
     ) {
-        for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
-            for (value, sum) in pixel.iter_mut().zip(sums) {
-                *value = (sum * scale) as u8;
-            }
+        for (value, sum) in bytes.iter_mut().zip(sums) {
+            *value = truncated(sum * scale);
         }
     }
 }
@@ -413,13 +415,27 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_goes_from_corner_to_corner() {
-        let grid = Grid::new(100, 2.0);
-        assert_eq!((grid.start, grid.count, grid.place(0)), (25, 50, (25, 0.0)));
-        assert_eq!(grid.place(99).0, 74);
-        let odd = Grid::new(9, 1.5);
-        assert_eq!((odd.start, odd.count, odd.last()), (1, 6, 6));
-        assert_eq!([0, 4, 8].map(|index| odd.place(index)), [(1, 0.0), (3, 0.5), (6, 0.0)]);
+    fn all_instructions_give_the_same_bytes() {
+        let sizes = [(160, 10), (67, 41), (7, 3), (320, 4), (1, 1), (200, 60)];
+        for (enlargement, (width, height)) in [Enlargement::WholePixels, Enlargement::Exact]
+            .into_iter()
+            .flat_map(|e| sizes.map(|size| (e, size)))
+        {
+            let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 251) as u8).collect();
+            let src = Frame::new(&bytes, width, height).unwrap();
+            for (count, step) in [(11.0, 0.03), (12.5, 0.01), (30.0, 0.0), (5.0, 1.7)] {
+                let mut results = Vec::new();
+                crate::simd::with_each(|_| {
+                    let mut dst = FrameBuf::new(width, height);
+                    zoom_blur(src, dst.as_mut(), count, step, enlargement, &mut Workspace::default());
+                    results.push(dst);
+                });
+                assert!(
+                    results.iter().all(|result| *result == results[0]),
+                    "{enlargement:?} {width} {count}"
+                );
+            }
+        }
     }
 
     #[test]
