@@ -84,6 +84,8 @@ def read(path):
     return torch.tensor(np.asarray(Image.open(path).convert("RGB"), np.float32))
 
 
+if not PERTURBED or not any(pathlib.Path(FRAMES).glob("*.png")):
+    sys.exit(f"no PNG files in {FRAMES}, or no folders with perturbed ones: convert frames first, such as by ffmpeg -i %04d.jpg %04d.png")
 names = sorted(path.name for path in pathlib.Path(FRAMES).glob("*.png"))
 shifts, changes = [], []
 for folder in PERTURBED:

@@ -226,6 +226,11 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<ElasticTransform>();
+    }
+
+    #[test]
     fn a_grey_frame_stays_grey() {
         stays_grey::<ElasticTransform>(&[0.0, 4.0], 99..=100);
     }
@@ -276,7 +281,7 @@ mod tests {
                         interpolate(src.as_ref(), &drawn.places, &mut pixels);
                         rgbx::truncate(&pixels, &mut bytes, to);
                     }
-                    assert!(found == wanted, "{width}x{height} by {alpha} with {instructions}");
+                    assert!(found == wanted, "{width}x{height} by {alpha} with {instructions:?}");
                 });
             }
         }

@@ -128,6 +128,11 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<Frost>();
+    }
+
+    #[test]
     fn writes_exactly_the_frame() {
         golden::writes_exactly_the_frame::<Frost>(&Value::Null);
     }

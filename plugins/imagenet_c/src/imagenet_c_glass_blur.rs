@@ -85,10 +85,52 @@ impl GlassBlur {
 mod tests {
     use super::*;
     use crate::testing::stays_grey;
+    use pdk_sdk::testing::{Trial, sample_frame};
 
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<GlassBlur>();
+    }
+
+    #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<GlassBlur>();
+    }
+
+    /// The same, with colours that change places one after another.
+    fn plain(src: &FrameBuf, trial: &mut Trial<GlassBlur>) -> FrameBuf {
+        let (_, cx) = trial.at(0, 0.0);
+        let (width, height) = (src.width(), src.height());
+        let weights = weights(cx.number("sigma"));
+        let mut workspace = Workspace::default();
+        let mut smooth = |from: &FrameBuf| {
+            let mut to = FrameBuf::new(width, height);
+            separable_frame(from.as_ref(), to.as_mut(), &weights, &weights, Edge::Nearest, &mut workspace);
+            to
+        };
+        let mut scattered = smooth(src);
+        let (distance, mut random) = (cx.integer("distance") as usize, cx.sequence_random());
+        for _ in 0..cx.integer("rounds") {
+            for y in (distance + 1..=height.saturating_sub(distance)).rev() {
+                for x in (distance + 1..=width.saturating_sub(distance)).rev() {
+                    let right = random.below(2 * distance as u32) as usize;
+                    let down = random.below(2 * distance as u32) as usize;
+                    let colour = scattered.as_ref().pixel(x + right - distance, y + down - distance);
+                    scattered.as_mut().set_pixel(x, y, colour);
+                }
+            }
+        }
+        smooth(&scattered)
+    }
+
+    #[test]
+    fn pixels_change_places_one_after_another() {
+        for (level, [width, height]) in [(0.0, [50, 30]), (2.0, [31, 64]), (4.0, [9, 9]), (4.0, [3, 70])] {
+            let src = sample_frame(width, height);
+            let mut trial = Trial::<GlassBlur>::new(&Default::default(), level, Key([3; 32])).unwrap();
+            let wanted = plain(&src, &mut trial);
+            assert_eq!(trial.frame(&src, 0, 0.0).unwrap(), wanted, "{width}x{height} at level {level}");
+        }
     }
 
     #[test]

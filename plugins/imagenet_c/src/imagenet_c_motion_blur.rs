@@ -58,6 +58,11 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<MotionBlur>();
+    }
+
+    #[test]
     fn a_grey_frame_stays_grey() {
         stays_grey::<MotionBlur>(&[0.0, 1.5, 4.0], 98..=101);
     }

@@ -238,6 +238,11 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<Pixelate>();
+    }
+
+    #[test]
     fn a_grey_frame_stays_grey() {
         stays_grey::<Pixelate>(&[0.0, 4.0], 100..=100);
     }
@@ -314,7 +319,7 @@ mod tests {
                     let mut trial =
                         Trial::<Pixelate>::new(&json!({ "factor": factor }), 0.0, Key([1; 32])).unwrap();
                     let found = trial.frame(&src, 0, 0.0).unwrap();
-                    assert!(found == wanted, "{width}x{height} by {factor} with {instructions}");
+                    assert!(found == wanted, "{width}x{height} by {factor} with {instructions:?}");
                 });
             }
         }

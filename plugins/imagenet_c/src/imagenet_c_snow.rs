@@ -184,6 +184,20 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<Snow>();
+    }
+
+    #[test]
+    fn streaks_are_rounded_half_to_even() {
+        for sixteenth in 0..=16 * 255 {
+            let grey = sixteenth as f32 / 16.0;
+            let streak = grey / 255.0;
+            assert_eq!(levels(streak), (streak * 255.0).round_ties_even(), "{grey}");
+        }
+    }
+
+    #[test]
     fn snow_whitens_and_has_flakes() {
         let dark = frame(40, 120, 90);
         let snowy = perturbed::<Snow>(&dark, 2.0, 1);

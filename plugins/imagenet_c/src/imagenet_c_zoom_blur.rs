@@ -49,6 +49,11 @@ mod tests {
     }
 
     #[test]
+    fn keeps_nothing_that_does_not_fit() {
+        crate::testing::keeps_nothing_that_does_not_fit::<ZoomBlur>();
+    }
+
+    #[test]
     fn a_grey_frame_stays_grey() {
         stays_grey::<ZoomBlur>(&[4.0], 99..=101);
     }

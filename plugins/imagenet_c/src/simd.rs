@@ -8,38 +8,47 @@ pub(crate) use pdk_sdk::ops::vectorised;
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn has_avx2() -> bool {
-    allowed() >= 1
+    allowed() >= Instructions::Avx2
 }
 
 /// Whether the versions for AVX-512 are to be used.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub fn has_avx512() -> bool {
-    allowed() >= 2
+    allowed() >= Instructions::Avx512
 }
 
-/// What may be used: 0 for the instructions of every processor, 1 for AVX2, 2 for AVX-512.
+/// What may be used, if the processor has it.
+#[cfg(any(test, target_arch = "x86_64"))]
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub enum Instructions {
+    #[cfg(test)]
+    Portable,
+    Avx2,
+    Avx512,
+}
+
 #[cfg(all(not(test), target_arch = "x86_64"))]
 #[inline(always)]
-const fn allowed() -> u8 {
-    2
+fn allowed() -> Instructions {
+    Instructions::Avx512
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]
-fn allowed() -> u8 {
+fn allowed() -> Instructions {
     ALLOWED.get()
 }
 
 #[cfg(test)]
 thread_local! {
     /// What a test allows on this thread.
-    static ALLOWED: std::cell::Cell<u8> = const { std::cell::Cell::new(2) };
+    static ALLOWED: std::cell::Cell<Instructions> = const { std::cell::Cell::new(Instructions::Avx512) };
 }
 
-/// Does a test's work once with each set of instructions, of those that the processor has.
+/// Does a test's work once with each set of instructions; one that the processor lacks is replaced by one that it has.
 #[cfg(test)]
-pub fn with_each(mut work: impl FnMut(u8)) {
-    for allowed in [0, 1, 2] {
+pub fn with_each(mut work: impl FnMut(Instructions)) {
+    for allowed in [Instructions::Portable, Instructions::Avx2, Instructions::Avx512] {
         ALLOWED.set(allowed);
         work(allowed);
     }

@@ -6,10 +6,39 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::Value;
 use pdk_sdk::testing::Trial;
 pub use pdk_sdk::testing::even_frame as frame;
+use pdk_sdk::testing::sample_frame;
+
+use crate::simd::with_each;
 
 /// A frame by a new instance, with a key that is made of a number.
 pub fn perturbed<P: Component + Perturbation>(src: &FrameBuf, level: f64, key: u8) -> FrameBuf {
     Trial::<P>::new(&Value::Null, level, Key([key; 32])).unwrap().frame(src, 0, 0.0).unwrap()
+}
+
+/// An instance that lives through frames of other sizes, levels and keys gives what new instances give, with each set of instructions.
+pub fn keeps_nothing_that_does_not_fit<P: Component + Perturbation>() {
+    let mut kept = None;
+    for (level, key, [width, height]) in [
+        (0.0, 1, [37, 23]),
+        (4.0, 1, [37, 23]),
+        (4.0, 2, [37, 23]),
+        (0.0, 2, [23, 37]),
+        (2.5, 2, [64, 5]),
+        (1.0, 1, [1, 1]),
+        (0.0, 1, [37, 23]),
+    ] {
+        let src = sample_frame(width, height);
+        let mut trial = Trial::<P>::new(&Value::Null, level, Key([key; 32])).unwrap();
+        let wanted = trial.frame(&src, 5, 0.25).unwrap();
+        if let Some(instance) = kept.take() {
+            trial.instance = instance;
+        }
+        with_each(|instructions| {
+            let found = trial.frame(&src, 5, 0.25).unwrap();
+            assert_eq!(found, wanted, "{width}x{height} at level {level} with {instructions:?}");
+        });
+        kept = Some(trial.instance);
+    }
 }
 
 /// The mean of a frame's values, and their standard deviation.

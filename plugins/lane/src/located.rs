@@ -98,7 +98,7 @@ impl Field {
             let across = _mm256_mul_ps(mix(across_near, across_far, fz), set(CELLS));
             let ahead = _mm256_mul_ps(minus(lateral_far, lateral_near), set(CELLS));
             let change = _mm256_add_ps(without_sign(across), without_sign(ahead));
-            // Unknown where it changes faster, and where the change is not a number, as in `at`.
+            // If it changes faster, it is unknown, as in `at`.
             let torn = _mm256_cmp_ps::<_CMP_GT_OQ>(change, set(2.0));
             let known = _mm256_andnot_ps(_mm256_or_ps(_mm256_castsi256_ps(empty), torn), inside);
             let or_zero = |value| _mm256_and_ps(value, known);
@@ -188,7 +188,7 @@ impl Field {
             let across = _mm512_mul_ps(mix(across_near, across_far, fz), set(CELLS));
             let ahead = _mm512_mul_ps(minus(lateral_far, lateral_near), set(CELLS));
             let change = _mm512_add_ps(_mm512_abs_ps(across), _mm512_abs_ps(ahead));
-            // Unknown where it changes faster, and where the change is not a number, as in `at`.
+            // If it changes faster, it is unknown, as in `at`.
             let torn = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(change, set(2.0));
             let known = stored & !torn;
             let or_zero = |value| _mm512_maskz_mov_ps(known, value);

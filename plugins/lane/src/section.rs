@@ -123,7 +123,7 @@ pub struct Section {
     grass: [f32; 4],
     /// Without the yellow line: sums of all samples before each: red, green, blue, texture.
     sums: Vec<[f32; 4]>,
-    /// Up to which of the sums, and from which on, all are the same: there is grass.
+    /// The first and the last place at which the sums change; outside of them there is only grass.
     varied: [f32; 2],
 }
 

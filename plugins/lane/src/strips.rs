@@ -124,7 +124,7 @@ pub fn draw(picture: &Picture<'_>, paint: &Paint, frame: &mut [u8], pitch: usize
                 let ((a, b), (c, d)) = (sides(row), sides(row + stride));
                 let texel = mix(mix(a, b, fx), mix(c, d, fx), set(belows[y]));
                 let cover = _mm512_mul_ps(_mm512_shuffle_ps::<0xFF>(texel, texel), set(paint.opacity));
-                // Pixels that are not drawn are computed too: at the edges of pictures the processor would guess wrong which.
+                // Pixels that are not drawn are computed too: at the edges of pictures the processor would mispredict a branch.
                 let drawn = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(cover, set(FAINTEST));
                 // SAFETY: only bytes are read that there are.
                 let behind = unsafe { _mm_maskz_loadu_epi8(bytes, pixels.as_ptr().cast()) };

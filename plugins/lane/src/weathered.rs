@@ -166,7 +166,7 @@ vectorised! {
                 let edge = ground.section.edge_line(offset, wide[i]);
                 let middle = match offset.abs() < section::LINE_WIDTH as f32 / 2.0 + wide[i] {
                     true => ground.section.middle_line(offset, wide[i], along[i], deep[i]),
-                    // It would say so too, after more work.
+                    // `middle_line` would return 0 too, after more work.
                     false => 0.0,
                 };
                 let (share, colour) = if edge > middle { (edge, WHITE) } else { (middle, YELLOW) };

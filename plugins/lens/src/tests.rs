@@ -357,11 +357,11 @@ fn takes_frames_of_extreme_shape<P: Component + Perturbation>() {
     for (width, height) in [(1, 1), (5000, 1), (1, 5000), (4000, 3), (3, 4000), (7, 5)] {
         let started = Instant::now();
         film.at(&sample_frame(width, height), 3.0);
-        assert!(started.elapsed().as_millis() < 2000, "{width}x{height}");
+        assert!(started.elapsed().as_secs() < 20, "{width}x{height}");
     }
 }
 
-/// Times on one thread: `cargo test --release -p pdk-particles -- --ignored --nocapture times`
+/// Times on one thread: `cargo test --release -p pdk-lens -- --ignored --nocapture times`
 #[test]
 #[ignore = "prints times"]
 fn times() {

@@ -24,11 +24,11 @@ pub fn within<T: Send + 'static>(seconds: u64, work: impl FnOnce() -> T + Send +
         .unwrap_or_else(|_| panic!("it takes more than {seconds} s"))
 }
 
-/// Waits until something is so, at most ten seconds.
+/// Waits until something is so, at most a minute.
 pub fn wait_until(what: &str, mut so: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !so() {
-        assert!(begin.elapsed() < Duration::from_secs(10), "not so after 10 s: {what}");
+        assert!(begin.elapsed() < Duration::from_secs(60), "not so after a minute: {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
 }

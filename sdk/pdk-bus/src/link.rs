@@ -72,7 +72,8 @@ impl Link {
         let Some(turn) = take_turn(root)? else { return Ok(None) };
         clear_half_made(root);
         let opened = connect(root, topic);
-        drop(turn);
+        // Not left to the closing of the file, which a process that another thread is just starting may have open too.
+        let _ = turn.unlock();
         // Who deleted the bus meanwhile did not know of the files just made.
         if !root.join(CONFIG_FILE).exists() {
             drop(opened);

@@ -7,7 +7,7 @@ mod sums;
 
 use crate::border::reflect;
 use crate::frame::{Frame, FrameMut};
-use crate::point::truncated;
+use crate::point::drop_fractions;
 use crate::simd::vectorised;
 use rows::{Frames, Images, Rows};
 use sums::{BLOCK, add_around, weighted_sums};
@@ -279,14 +279,6 @@ vectorised! {
     fn widen / widen_avx2 / widen_avx512 (from: &[u8], to: &mut [f32]) {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = f32::from(from);
-        }
-    }
-}
-
-vectorised! {
-    fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (from: &[f32], to: &mut [u8]) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = truncated(from);
         }
     }
 }

@@ -52,6 +52,15 @@ pub fn truncated(value: f32) -> u8 {
     (unsafe { clipped.to_int_unchecked::<i32>() }) as u8
 }
 
+vectorised! {
+    /// [`truncated`] of each number.
+    pub(crate) fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (from: &[f32], to: &mut [u8]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = truncated(from);
+        }
+    }
+}
+
 /// As [`truncated`], in double precision.
 #[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
 #[inline(always)]

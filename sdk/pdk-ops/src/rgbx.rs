@@ -1,8 +1,7 @@
 //! Rows of pixels with a fourth value that is not used, so that a pixel is as long as a vector of four numbers or a word of four bytes.
 
 use crate::frame::CHANNELS;
-use crate::point::truncated;
-use crate::simd::vectorised;
+use crate::point::drop_fractions;
 
 /// Writes a row: clipped to 0 to 255, the fraction dropped. `bytes` is for the pixels on the way.
 ///
@@ -26,14 +25,6 @@ pub fn pack(pixels: &[[u8; 4]], row: &mut [u8]) {
         row[CHANNELS * x..][..4].copy_from_slice(pixel);
     }
     row[CHANNELS * others.len()..].copy_from_slice(&last[..CHANNELS]);
-}
-
-vectorised! {
-    fn drop_fractions / drop_fractions_avx2 / drop_fractions_avx512 (from: &[f32], to: &mut [u8]) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = truncated(from);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ def adversarial_patch(
     level: Level = 2.0,
     *,
     picture: str | PathLike[str] | None = None,
-    show: Literal["picture", "mean"] | None = None,
+    show: Literal["picture", "mean", "grey"] | None = None,
     on: Literal["road", "frame"] | None = None,
     pose: Literal["flat", "upright"] | None = None,
     depth: Literal["none", "simulator"] | None = None,
@@ -49,7 +49,8 @@ def adversarial_patch(
 
     picture: the picture, as `pdk attack patch` and `pdk attack drives` write one, or any other; or `dave2_patch`,
         which is part of pdk.
-    show: picture: as it is; mean: a patch of its mean colour, to compare it with (default "picture").
+    show: picture: as it is; mean and grey: a plain patch to compare it with, of its mean colour or of the grey 128
+        (default "picture").
     on: where it lies: on the road, or over a box of the frame (default "road").
     pose: flat: it lies on the road; upright: it faces the camera, like a sign or the back of a vehicle; only with
         `on=road` (default "flat").

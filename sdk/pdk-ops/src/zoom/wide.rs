@@ -4,10 +4,10 @@
 
 use std::arch::x86_64::*;
 
-use super::{CHANNELS, LANES, Tap};
+use super::{CHANNELS, LANES, MOST_READ, Tap};
 
 /// Numbers of a row that four columns come from.
-pub(super) const WINDOW: usize = 16;
+pub(super) const WINDOW: usize = MOST_READ;
 
 /// Where four columns lie between the pixels of a row.
 #[derive(Debug, Clone, Copy)]
