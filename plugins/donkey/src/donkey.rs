@@ -223,12 +223,18 @@ impl Link {
     fn stand(&mut self, options: &Options, deadline: &Deadline) -> Result<(Telemetry, Vec<u8>)> {
         let began = Instant::now();
         let mut standing = 0;
+        let mut before: Option<f64> = None;
         loop {
             // As long as telemetry comes, the message in the end is about where the car is.
             let each = options.settings.answering();
             self.wire.keep_apart();
             self.brake(&each)?;
-            let (telemetry, picture) = self.telemetry(&each, options)?;
+            let (telemetry, picture) = self.newest_telemetry(&each, options)?;
+            // Its clock begins anew when it does what it was told: whatever stood before that stood on another road.
+            if telemetry.time.zip(before).is_some_and(|(now, before)| now < before) {
+                standing = 0;
+            }
+            before = telemetry.time;
             let away = match (telemetry.position, self.home) {
                 (Some(position), Some(home)) => ground_distance(position, home),
                 _ => 0.0,
@@ -285,6 +291,15 @@ impl Link {
                 return Ok((telemetry, picture));
             }
         }
+    }
+
+    /// Waits for telemetry. If several came already, takes the last: the others may be from before the last thing that was sent.
+    fn newest_telemetry(&mut self, deadline: &Deadline, options: &Options) -> Result<(Telemetry, Vec<u8>)> {
+        let mut newest = self.telemetry(deadline, options)?;
+        while self.wire.has_message()? && deadline.left().is_some() {
+            newest = self.telemetry(deadline, options)?;
+        }
+        Ok(newest)
     }
 
     /// Takes the next message of a scenario under way; whether it was telemetry.
