@@ -2,16 +2,15 @@
 
 use std::time::{Duration, Instant};
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use pdk_adapter::{Deadline, Station, Track, ends};
 use pdk_sdk::model::failure::FailureCriteria;
 use pdk_sdk::prelude::*;
 
+use crate::lap::Lap;
 use crate::menu;
-use crate::message::{Message, Number};
 use crate::options::{Build, Options, describe};
 use crate::road::{self, Road};
+use crate::telemetry::{Heard, Telemetry, take};
 use crate::wire::{ROOM, Wire};
 
 /// Farther than this from the place of the start it is not there, in metres.
@@ -52,19 +51,6 @@ struct Drive {
     state: State,
     /// The encoded picture that belongs to the state.
     picture: Vec<u8>,
-}
-
-/// What is taken from telemetry.
-struct Telemetry {
-    build: Option<Build>,
-    speed: f64,
-    cross_track_error: Option<f64>,
-    position: Option<[f64; 3]>,
-    heading: Option<f64>,
-    time: Option<f64>,
-    hit: bool,
-    done: Option<bool>,
-    nodes: Option<(f64, f64)>,
 }
 
 impl Component for Donkey {
@@ -346,45 +332,6 @@ impl Link {
     }
 }
 
-/// What a message says to a car on the road.
-enum Heard {
-    Telemetry(Telemetry),
-    Menu,
-    NoPicture(String),
-    Nothing,
-}
-
-/// Takes what is of use from a message, and the encoded picture.
-fn take(message: &Message<'_>, options: &Options, picture: &mut Vec<u8>) -> Heard {
-    match message.msg_type.as_ref() {
-        "telemetry" => {}
-        "scene_selection_ready" => return Heard::Menu,
-        _ => return Heard::Nothing,
-    }
-    let Some(image) = &message.image else { return Heard::NoPicture("there is none".to_owned()) };
-    picture.clear();
-    if let Err(error) = STANDARD.decode_vec(image.as_bytes(), picture) {
-        return Heard::NoPicture(error.to_string());
-    }
-    let number = |number: Option<Number>| number.map(|Number(value)| value);
-    let scale = options.build.scale();
-    let position = match (message.pos_x, message.pos_y, message.pos_z) {
-        (Some(Number(x)), Some(Number(y)), Some(Number(z))) => Some([x, y, z].map(|axis| axis * scale)),
-        _ => None,
-    };
-    Heard::Telemetry(Telemetry {
-        build: menu::build(message),
-        speed: number(message.speed).unwrap_or(f64::NAN) * scale,
-        cross_track_error: number(message.cte),
-        position,
-        heading: number(message.yaw).map(f64::to_radians),
-        time: number(message.time),
-        hit: message.hit.as_ref().is_some_and(|hit| hit != "none" && !hit.is_empty()),
-        done: message.done,
-        nodes: number(message.active_node).zip(number(message.total_nodes)),
-    })
-}
-
 impl Drive {
     /// The state that telemetry tells.
     fn judged(
@@ -448,31 +395,6 @@ impl Drive {
     }
 }
 
-/// How much of a lap on a closed track has been driven, from the numbers of the nodes that the car passes.
-#[derive(Debug, Default)]
-struct Lap {
-    first: Option<f64>,
-    farthest: f64,
-}
-
-impl Lap {
-    /// The car is at this node of this many; the share of the lap, 1 once it is complete.
-    fn go_on(&mut self, node: f64, nodes: f64) -> f64 {
-        if nodes.is_nan() || nodes < 2.0 {
-            return 0.0;
-        }
-        let first = *self.first.get_or_insert(node);
-        let share = (node - first).rem_euclid(nodes) / nodes;
-        // A car that stands just before its first node has not driven a lap.
-        if self.farthest > 0.9 && share < 0.1 {
-            self.farthest = 1.0;
-        } else if share - self.farthest < 0.5 {
-            self.farthest = self.farthest.max(share);
-        }
-        self.farthest
-    }
-}
-
 /// Whether a picture has the size that the camera was told to have.
 fn has_size(picture: &[u8], camera: Camera) -> bool {
     pdk_image::decode(picture)
@@ -486,29 +408,4 @@ fn ground_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 fn mistake(sentence: String) -> Error {
     Error::of(ErrorKind::Configuration, sentence)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_lap_is_complete_when_its_first_node_comes_again() {
-        let mut lap = Lap::default();
-        assert_eq!(lap.go_on(5.0, 100.0), 0.0);
-        // Backwards is not a lap.
-        assert_eq!(lap.go_on(3.0, 100.0), 0.0);
-        assert_eq!(lap.go_on(5.0, 100.0), 0.0);
-        let mut share = 0.0;
-        for node in 5..100 {
-            let now = lap.go_on(f64::from(node), 100.0);
-            assert!(now >= share && now < 1.0, "{node} {now}");
-            share = now;
-        }
-        for node in 0..5 {
-            assert!(lap.go_on(f64::from(node), 100.0) < 1.0);
-        }
-        assert_eq!(lap.go_on(5.0, 100.0), 1.0);
-        assert_eq!(lap.go_on(9.0, 100.0), 1.0);
-    }
 }
