@@ -1,9 +1,10 @@
 //! Stand-ins for simulators, which are programs of their own: the embedded simulator behind the protocol of another one.
 
+use std::fs::File;
 use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU16, Ordering};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use crate::built;
@@ -42,21 +43,57 @@ pub fn program() -> PathBuf {
     built("stand_in")
 }
 
+/// The first port that tests take. All are below those that the system gives away.
+const FIRST: u16 = 21_000;
+/// Ports are taken in blocks of this many.
+const BLOCK: u16 = 100;
+/// How many blocks there are.
+const BLOCKS: u16 = 110;
+
+/// The block that ports are taken from, and the locks of all that were taken: other runs of the tests at the same time leave them alone.
+struct Taken {
+    next: u16,
+    end: u16,
+    locks: Vec<File>,
+}
+
+static TAKEN: Mutex<Taken> = Mutex::new(Taken { next: 0, end: 0, locks: Vec::new() });
+
+impl Taken {
+    /// Goes on to the next block that no process has.
+    fn block(&mut self) {
+        let folder = std::env::temp_dir().join("pdk-test-ports");
+        std::fs::create_dir_all(&folder).unwrap();
+        let begin = (std::process::id() % u32::from(BLOCKS)) as u16;
+        for number in (begin..BLOCKS).chain(0..begin) {
+            let lock = File::create(folder.join(number.to_string())).unwrap();
+            if lock.try_lock().is_ok() {
+                self.locks.push(lock);
+                self.next = FIRST + number * BLOCK;
+                self.end = self.next + BLOCK;
+                return;
+            }
+        }
+        panic!("all ports for tests are taken");
+    }
+}
+
 /// This many ports, one after the other, that nothing listens at. Other tests get others.
 ///
 /// # Panics
 /// If there are none.
 pub fn free_ports(count: u16) -> u16 {
-    static NEXT: AtomicU16 = AtomicU16::new(0);
-    // Test programs run one after the other, and tests of one at the same time. Below the ports that the system gives away.
-    let base = 21_000 + (std::process::id() % 500) as u16 * 20;
-    for _ in 0..200 {
-        let first = base + NEXT.fetch_add(count, Ordering::Relaxed) % 10_000;
+    let mut taken = TAKEN.lock().unwrap();
+    loop {
+        if taken.next + count > taken.end {
+            taken.block();
+        }
+        let first = taken.next;
+        taken.next += count;
         if (first..first + count).all(|port| TcpListener::bind(("127.0.0.1", port)).is_ok()) {
             return first;
         }
     }
-    panic!("no free ports");
 }
 
 /// Listens at a port of [`free_ports`]. A process that another test is just starting may have it open until it runs its program.

@@ -199,7 +199,7 @@ impl<'a> Engine<'a> {
                     Some(recorder) => recorder,
                     None => Recorder::new()?,
                 };
-                recorder.start(path, &drive.scenario.id());
+                recorder.start(path, &job.id(drive));
                 self.recorder = Some(recorder);
             }
             let mut run = Run::new(drive, job.number, job.slot);
@@ -328,7 +328,7 @@ fn check(job: &Job) -> Result<()> {
     let perturbations = match &job.work {
         Work::Drive(drive) => {
             let id = drive.scenario.id();
-            if let Some(asked) = job.scenario.filter(|asked| *asked != id) {
+            if let Some(asked) = job.scenario.filter(|asked| !job.moved && *asked != id) {
                 return Err(Error::of(
                     ErrorKind::Configuration,
                     format!(

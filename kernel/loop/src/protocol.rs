@@ -67,8 +67,19 @@ pub struct Job {
     /// does not know a field, does not drive it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<ScenarioId>,
+    /// Whether a pool has put files elsewhere that the scenario names in the words of a command. Such a scenario has another id for the
+    /// worker, and is driven nevertheless; its trace has the session's.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub moved: bool,
     /// What to do.
     pub work: Work,
+}
+
+impl Job {
+    /// The id of a scenario that is to be driven, under which it is recorded.
+    pub fn id(&self, drive: &Drive) -> ScenarioId {
+        self.scenario.unwrap_or_else(|| drive.scenario.id())
+    }
 }
 
 /// What there is to do.

@@ -190,9 +190,9 @@ fn write_traces(
 }
 
 /// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
-pub fn write_trace(drive: &Drive, message: &str) -> Result<()> {
+pub fn write_trace(drive: &Drive, id: &ScenarioId, message: &str) -> Result<()> {
     let Some(path) = &drive.trace else { return Ok(()) };
-    let mut trace = Trace::create(path, &drive.scenario.id())?;
+    let mut trace = Trace::create(path, id)?;
     trace.event(0.0, false, &drive.name)?;
     trace.event(0.0, true, message)?;
     trace.finish()

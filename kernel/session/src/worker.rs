@@ -352,7 +352,7 @@ impl Worker {
             return Answer::Failed(Failure { at, by_driver, ..Error::of(kind, message).into() });
         };
         let frames = at.unwrap_or_default();
-        match write_trace(drive, &message) {
+        match write_trace(drive, &job.id(drive), &message) {
             Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
             Err(error) => Answer::Broken(error.into()),
         }

@@ -334,7 +334,8 @@ fn late_frames_alone_are_fast<P: Component + Perturbation>() {
     Film::<P>::new("{}", 4.0).at(&source, 600.0);
     let alone = started.elapsed();
     println!("a frame at 600 s alone takes {alone:?}");
-    assert!(alone.as_millis() < 500, "{alone:?}");
+    // With all frames before it, it would take minutes. Alone it takes some milliseconds, on a busy machine up to a second.
+    assert!(alone.as_secs() < 20, "{alone:?}");
 }
 
 fn keeps_its_memory<P: Component + Perturbation>() {

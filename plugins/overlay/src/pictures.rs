@@ -1,7 +1,7 @@
 //! Clips made of pictures: animated GIF, PNG and WebP, still pictures, and folders of pictures.
 
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Cursor, Read, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use image::codecs::gif::GifDecoder;
@@ -67,17 +67,20 @@ fn is_moving<R: BufRead + Seek>(input: &mut R) -> Result<bool> {
     Ok(moving)
 }
 
-/// The content of a file.
-fn whole(input: impl Read) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    input.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
-    match bytes.len() as u64 > LARGEST_FILE {
-        true => Err(Error::new(format!(
+/// The content of a file, which is not read if it is too large.
+fn whole(mut input: impl Read + Seek) -> Result<Vec<u8>> {
+    let length = input.seek(SeekFrom::End(0))?;
+    if length > LARGEST_FILE {
+        return Err(Error::new(format!(
             "it has more than {} MiB, and the file of a still picture may not have; scale it down",
             LARGEST_FILE >> 20
-        ))),
-        false => Ok(bytes),
+        )));
     }
+    input.rewind()?;
+    let mut bytes = Vec::with_capacity(length as usize);
+    // It may grow meanwhile.
+    input.take(LARGEST_FILE).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 fn once(image: DynamicImage) -> image::Frames<'static> {

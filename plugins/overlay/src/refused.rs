@@ -12,7 +12,7 @@ use crate::stand_in::within;
 /// The sentence with which a clip is refused, when its content is looked at and when it is decoded.
 fn refusal(path: &Path) -> String {
     let clip = Clip::Path(path.to_owned());
-    within(20, move || {
+    within(120, move || {
         let hash = clip.hash().err();
         let error = some_pictures(&clip, 5).err().unwrap_or_else(|| panic!("{clip} is decoded")).to_string();
         assert!(hash.is_none_or(|hash| hash.to_string() == error));

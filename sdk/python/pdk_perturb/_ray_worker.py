@@ -99,7 +99,7 @@ class Worker:
             # A file may be named several times.
             elif moved.get(named) != placed:
                 # A word of a command: with another path there, the scenario has another id here, for which the worker would refuse it.
-                job["job"].pop("scenario", None)
+                job["job"]["moved"] = True
         if drive and drive.get("trace") and not self._shared:
             trace = Path(self._traces.name) / os.path.basename(drive["trace"])
             drive["trace"] = str(trace)

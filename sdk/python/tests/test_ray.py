@@ -121,6 +121,17 @@ def test_a_network_travels_by_its_content(cluster, tmp_path, cache):
     assert session.record.lines()[0]["scenario"]["driver"]["parameters"]["model"] == str(model)
 
 
+def test_a_trace_has_the_id_of_the_record_if_a_script_travels(cluster, tmp_path):
+    (tmp_path / "pilot.py").write_text("raise SystemExit(3)")
+    driver = {"name": "process", "command": ["python3", str(tmp_path / "pilot.py")]}
+    traces = []
+    for out, pool in (("here", None), ("there", f"ray --slots 1 --address {cluster.address}")):
+        with pdk.Session(simulator="lane", driver=driver, duration=1, seed=1, out=tmp_path / out, pool=pool) as session:
+            assert session.drive([{}])[0]["cause"] == "error"
+        traces += [trace.read_bytes() for trace in (tmp_path / out / "traces").iterdir()]
+    assert len(traces) == 2 and traces[0] == traces[1]
+
+
 def test_a_node_that_is_killed_in_the_middle_costs_nothing_but_time(cluster, study):
     settings = {"scenarios": 30, "duration": 6}
     here = study("here", settings)

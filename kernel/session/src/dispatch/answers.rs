@@ -159,7 +159,7 @@ impl Dispatch {
             let message =
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
             let answer = match task.work.as_deref() {
-                Some(Work::Drive(drive)) => match write_trace(drive, &message) {
+                Some(Work::Drive(drive)) => match write_trace(drive, &drive.scenario.id(), &message) {
                     Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
                     Err(error) => Answer::Broken(error.into()),
                 },
