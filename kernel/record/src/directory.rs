@@ -59,6 +59,8 @@ pub const LAYOUT_TEXT: &str = include_str!("foxglove.json");
 
 /// Held by the process that writes the record, like the folder itself; the system gives both back however that process ends.
 const LOCK: &str = ".lock";
+/// What a process that ended early leaves of files that are put in order at the end of a run.
+const PARTS: [&str; 2] = ["scenarios.part", "results.part"];
 /// The folder of the traces.
 const TRACES: &str = "traces";
 
@@ -120,7 +122,7 @@ impl RunDirectory {
         let remedy = "choose another with --out";
         if !path.is_dir() {
             // Of two runs that start at the same time, one makes it, and the lock decides which of them goes on.
-            fs::create_dir_all(path).map_err(|error| {
+            make(path).map_err(|error| {
                 Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
             })?;
         }
@@ -154,7 +156,8 @@ impl RunDirectory {
             Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
         };
         let directory = Self { path: path.to_owned(), _lock: Some(Arc::new(Lock { folder, file: lock })) };
-        directory.remove_parts(path, |name| file::whole_of(name).is_some_and(is_saved));
+        directory
+            .remove_parts(path, |name| PARTS.contains(&name) || file::whole_of(name).is_some_and(is_saved));
         Ok(directory)
     }
 
@@ -183,10 +186,12 @@ impl RunDirectory {
     /// If the folder cannot be made.
     pub fn create_first(places: impl IntoIterator<Item = PathBuf>) -> Result<Self> {
         for place in places {
-            let made =
-                place.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&place));
+            let made = place.parent().map_or(Ok(()), make).and_then(|()| fs::create_dir(&place));
             match made {
-                Ok(()) => return Self::create(&place),
+                Ok(()) => {
+                    sync_folder(&place);
+                    return Self::create(&place);
+                }
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && place.exists() => {}
                 Err(error) => {
                     return Err(Error::new(format!(
@@ -291,6 +296,21 @@ impl RunDirectory {
     }
 }
 
+/// Makes a folder and those that it lies in, so that all of them are there after a power cut.
+fn make(folder: &Path) -> std::io::Result<()> {
+    if folder.as_os_str().is_empty() || folder.is_dir() {
+        return Ok(());
+    }
+    folder.parent().map_or(Ok(()), make)?;
+    match fs::create_dir(folder) {
+        Ok(()) => sync_folder(folder),
+        // Another process was quicker.
+        Err(_) if folder.is_dir() => {}
+        Err(error) => return Err(error),
+    }
+    Ok(())
+}
+
 /// Whether a name may be that of a file that a pipeline or a search saved, or of one of the kernel's that is written whole.
 fn is_saved(name: &str) -> bool {
     name.ends_with(".json") || name.ends_with(".csv")
@@ -306,7 +326,7 @@ fn is_ours(path: &Path) -> Result<bool> {
         // A pipeline may save files of its own beside those of the kernel, and searches save tables.
         let whole = file::whole_of(&name);
         let saved = is_saved(whole.unwrap_or(&name));
-        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part", JOURNAL, BLOCKS].contains(&&*name);
+        let lines = [SCENARIOS, RESULTS, JOURNAL, BLOCKS].contains(&&*name) || PARTS.contains(&&*name);
         let made_of_it = [TRACES, REPORT, CLIPS].contains(&whole.unwrap_or(&name));
         let known = name == LOCK || whole == Some(MANIFEST) || begun && (saved || lines || made_of_it);
         if !known {
@@ -383,11 +403,12 @@ mod tests {
         fs::remove_file(folder.join(SCENARIOS)).unwrap();
         assert!(RunDirectory::create(&folder).unwrap().manifest().unwrap().is_none());
         // What a run had saved when it ended does not keep it from going on.
-        for name in [MANIFEST, "search.csv", "search.json.123.part", "report.html.9.part"] {
+        for name in [MANIFEST, "search.csv", "search.json.123.part", "report.html.9.part", PARTS[0]] {
             fs::write(folder.join(name), "").unwrap();
         }
         let directory = RunDirectory::create(&folder).unwrap();
         assert!(folder.join("search.csv").exists() && !folder.join("search.json.123.part").exists());
+        assert!(!folder.join(PARTS[0]).exists());
         // The lock is not only that of a file, which anybody may tidy away.
         fs::remove_file(folder.join(LOCK)).unwrap();
         let error = RunDirectory::create(&folder).unwrap_err().to_string();

@@ -26,14 +26,14 @@ impl Lines {
         file::open_if_there(path).place(path.display())?;
         let file = File::options().create(true).append(true).open(path).map_err(failed)?;
         let mut text = fs::read(path).map_err(failed)?;
-        if text.is_empty() {
-            sync_folder(path);
-        }
         let complete = complete(&text);
         if complete < text.len() {
-            file.set_len(complete as u64).and_then(|()| file.sync_all()).map_err(failed)?;
+            file.set_len(complete as u64).map_err(failed)?;
             text.truncate(complete);
         }
+        // What is there counts from now on, and the process that wrote it may have ended before it was on the disk.
+        file.sync_all().map_err(failed)?;
+        sync_folder(path);
         Ok((Self { path: path.to_owned(), file, complete: complete as u64 }, text))
     }
 
@@ -93,7 +93,9 @@ impl Lines {
 
 /// Makes sure that a file that was made or renamed is there after a power cut; some file systems cannot.
 pub fn sync_folder(path: &Path) {
-    if let Some(Ok(folder)) = path.parent().map(File::open) {
+    let folder =
+        path.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+    if let Some(Ok(folder)) = folder.map(File::open) {
         let _ = folder.sync_all();
     }
 }

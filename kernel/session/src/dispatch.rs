@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
 
@@ -228,7 +229,13 @@ impl Dispatch {
                 _ => None,
             };
             let connection = &mut self.workers.connections[place];
-            let job = Job { number, slot: connection.first_slot + slot as u32, scenario, moved: false, work: *work };
+            let job = Job {
+                number,
+                slot: connection.first_slot + slot as u32,
+                scenario,
+                moved: false,
+                work: *work,
+            };
             connection.give(slot, &job, &self.options.pool)?;
         }
         Ok(())
@@ -248,7 +255,7 @@ impl Dispatch {
                     self.finish(number, Ok(Reply::Driven(Box::new(driven))));
                     return Ok(());
                 };
-                complete_trace(drive, submission.id, &driven.outcome)?;
+                complete_trace(drive, &submission.id, &driven.outcome)?;
                 let outcome = self.book.add(submission.id, drive, driven.outcome)?;
                 self.finish(number, Ok(Reply::Recorded(outcome, false)));
             }
@@ -302,10 +309,10 @@ fn is_launched(simulator: &ComponentSpec, by: &[Parameter]) -> bool {
 }
 
 /// Writes the trace of a scenario that a pool has given up: the process that was to write it was lost.
-fn complete_trace(drive: &Drive, id: ScenarioId, outcome: &Outcome) -> Result<()> {
+fn complete_trace(drive: &Drive, id: &ScenarioId, outcome: &Outcome) -> Result<()> {
     match &outcome.error {
         Some(message) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
-            write_trace(drive, &id, message)
+            write_trace(drive, id, message)
         }
         _ => Ok(()),
     }
