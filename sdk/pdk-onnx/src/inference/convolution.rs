@@ -10,6 +10,7 @@ use super::buffer::{Buffer, Operation, single, singles};
 use super::lanes::{LANES, Number};
 use super::planar::{self, Row, Rows};
 use super::product::{self, Packed, Place};
+use super::wide;
 use crate::operators::{conv, conv_transpose};
 use crate::site::Site;
 use crate::tensor::{Tensor, elements, for_each_position};
@@ -50,11 +51,14 @@ struct Part<N> {
 enum Places {
     Each(Vec<Place>),
     Rows(Rows),
+    /// With registers of sixteen lanes.
+    Wide(Rows),
 }
 
 enum Weights<N> {
     Outputs(Packed<N>),
     Places(planar::Weights<N>),
+    Wide(wide::Weights<N>),
 }
 
 /// How a channel of the input is laid out.
@@ -114,6 +118,10 @@ impl Layout {
                 let Some(row) = rows.next() else { return };
                 let place = place.iter().zip(&self.before).map(|(at, before)| at + before);
                 let start = self.before[input.len() - 1];
+                if self.phases == 2 {
+                    let to = self.at(place.chain([0]));
+                    return split(row, start, self.row(), &mut plane[to..]);
+                }
                 if self.phases == 1 {
                     let to = self.at(place.chain([start]));
                     plane[to..to + width].copy_from_slice(row);
@@ -208,7 +216,9 @@ impl<N: Number> Convolution<N> {
         let filters = kernel[0] / group;
         let last = window.kernel.len() - 1;
         // So that the elements of neighbouring places are neighbours too, if those may become lanes.
-        let phases = if filters < LANES && window.output[last] >= LANES { window.strides[last] } else { 1 };
+        let width = window.output[last];
+        let are_places = filters < LANES && width >= LANES || wide::is_faster(filters, width);
+        let phases = if are_places { window.strides[last] } else { 1 };
         let lengths =
             (0..=last).map(|axis| window.extent(axis).max(window.before[axis] + window.input[axis]));
         let layout = Layout::new(&window.input, &window.before, lengths.collect(), phases)?;
@@ -275,10 +285,30 @@ impl<N: Number> Convolution<N> {
                         Places::Rows(_) => {
                             Weights::Places(planar::Weights::new(filters, elements.len(), weight, start))
                         }
+                        Places::Wide(_) => {
+                            Weights::Wide(wide::Weights::new(filters, elements.len(), weight, start))
+                        }
                     }
                 })
                 .collect();
         }
+    }
+}
+
+/// Copies a row to two phases: the elements at even places begin at the first element of `into`, the others `length` behind it. The first
+/// element of the row is at the place `start`.
+fn split<N: Copy>(row: &[N], start: usize, length: usize, into: &mut [N]) {
+    let (front, behind) = into.split_at_mut(length);
+    let (first, second) = match start % 2 {
+        0 => (&mut front[start / 2..], &mut behind[start / 2..]),
+        _ => (&mut behind[start / 2..], &mut front[start / 2 + 1..]),
+    };
+    let (pairs, last) = row.as_chunks::<2>();
+    for (([one, other], first), second) in pairs.iter().zip(&mut *first).zip(second) {
+        (*first, *second) = (*one, *other);
+    }
+    if let [last] = last {
+        first[pairs.len()] = *last;
     }
 }
 
@@ -324,24 +354,23 @@ impl<N> Part<N> {
     }
 }
 
-/// Places as rows, where lanes are better those than outputs: if there are few outputs and all rows are wide. `step` is how far apart the
+/// Places as rows, where lanes are better those than outputs: if there are few outputs, or their number fills registers badly, and all rows
+/// are wide. `step` is how far apart the
 /// outputs of neighbouring places are.
 fn by_rows(places: Vec<Place>, filters: usize, step: usize) -> Places {
-    if filters >= LANES {
-        return Places::Each(places);
-    }
     let follows = |before: &Place, after: &Place| {
         after.from == before.from + 1 && after.to as usize == before.to as usize + step
     };
     let rows: Vec<&[Place]> = places.chunk_by(follows).collect();
     let width = rows.first().map_or(0, |row| row.len());
-    match width >= LANES && rows.iter().all(|row| row.len() == width) {
-        true => {
-            let rows = rows.iter().map(|row| Row { from: row[0].from, to: row[0].to }).collect();
-            Places::Rows(Rows { rows, width, step })
-        }
-        false => Places::Each(places),
+    let is_wide = step == 1 && wide::is_faster(filters, width);
+    let are_few = filters < LANES && width >= LANES;
+    if !(is_wide || are_few) || rows.iter().any(|row| row.len() != width) {
+        return Places::Each(places);
     }
+    let rows = rows.iter().map(|row| Row { from: row[0].from, to: row[0].to }).collect();
+    let rows = Rows { rows, width, step };
+    if is_wide { Places::Wide(rows) } else { Places::Rows(rows) }
 }
 
 impl<N: Number> Convolution<N> {
@@ -379,6 +408,9 @@ impl<N: Number> Convolution<N> {
                     }
                     (Weights::Places(weights), Places::Rows(rows)) => {
                         planar::sum(input, weights, &part.taps, rows, plane, into);
+                    }
+                    (Weights::Wide(weights), Places::Wide(rows)) => {
+                        wide::sum(input, weights, &part.taps, rows, plane, into);
                     }
                     _ => {
                         return Err(Error::new(

@@ -1,7 +1,7 @@
 //! Runs graphs in 32-bit floats. The same graph and inputs give the same bits on every processor.
 //!
 //! [`Program::new`] decides for each node how it is computed, once. Convolutions and products of matrices, which are nearly all of the
-//! work, become sums of products over lists of offsets ([`product`], [`planar`]), whose order is fixed and whose multiply-add rounds once
+//! work, become sums of products over lists of offsets ([`product`], [`planar`], [`wide`]), whose order is fixed and whose multiply-add rounds once
 //! ([`lanes`]). What only moves elements becomes a list of moves. Everything else is
 //! exact up to one rounding, or is computed in 64-bit floats and rounded to its type: frequent operators by code of their own, the others by their
 //! rules ([`plain`]). None of that depends on the processor, the number of threads or the system's mathematical library.
@@ -12,6 +12,8 @@ mod choice;
 #[cfg(test)]
 mod comparisons;
 mod convolution;
+#[cfg(test)]
+mod convolution_tests;
 mod declared;
 mod elementwise;
 mod error_function;
@@ -46,6 +48,7 @@ mod standardization;
 mod sums;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 use pdk_sdk::error::{Error, Result};
 

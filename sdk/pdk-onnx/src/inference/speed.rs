@@ -244,3 +244,41 @@ fn prints_how_long_operators_take() {
         println!("{:9.3} ms  {name}", best * 1e3);
     }
 }
+
+/// How long each step of the models in `PDK_ONNX_MODELS` takes, whose paths are separated by colons. The sum of the bits of what they compute
+/// tells whether two versions compute the same.
+#[test]
+#[ignore = "measures time"]
+fn prints_how_long_each_step_takes() {
+    for file in std::env::var("PDK_ONNX_MODELS").unwrap().split(':') {
+        let mut program = Program::new(Graph::new(model::read(file.as_ref()).unwrap()).unwrap()).unwrap();
+        let given = program.inputs.iter().map(|&(_, _, count)| {
+            numbers(count as u64, count).iter().map(|value| (value * 100.0 + 100.0) as f32).collect()
+        });
+        let (given, mut outputs): (Vec<Vec<f32>>, _) = (given.collect(), [Vec::new()]);
+        let mut best = vec![f64::INFINITY; program.steps.len()];
+        let mut whole = f64::INFINITY;
+        let begin = Instant::now();
+        while begin.elapsed().as_secs_f64() < 2.0 {
+            let start = Instant::now();
+            program.run(&given, &mut outputs).unwrap();
+            whole = whole.min(start.elapsed().as_secs_f64());
+            let Program { steps, buffers, constants, inputs, .. } = &mut program;
+            for (&mut (place, _, count), values) in inputs.iter_mut().zip(&given) {
+                buffers[place].resize(count);
+                buffers[place].single_mut().unwrap().copy_from_slice(values);
+            }
+            for (step, best) in steps.iter_mut().zip(&mut best) {
+                let start = Instant::now();
+                step.run(buffers, constants).unwrap();
+                *best = best.min(start.elapsed().as_secs_f64());
+            }
+        }
+        let bits = outputs[0].iter().fold(0u64, |sum, value| sum.rotate_left(5) ^ u64::from(value.to_bits()));
+        println!("{:9.1} us  {file}, bits {bits:x}", whole * 1e6);
+        for (step, best) in program.steps.iter().zip(&best).filter(|(_, best)| **best > 2e-6) {
+            let counts: Vec<usize> = step.outputs.iter().map(|(_, _, count)| *count).collect();
+            println!("{:9.1} us  a step to {counts:?}", best * 1e6);
+        }
+    }
+}
