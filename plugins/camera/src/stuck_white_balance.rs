@@ -1,6 +1,7 @@
 //! Stuck white balance: the camera balances colours for a light that is not there.
 
 use pdk_sdk::ops::light::Light;
+use pdk_sdk::ops::point::lookup_by_channel;
 use pdk_sdk::prelude::*;
 
 /// Balances colours for another light.
@@ -72,18 +73,12 @@ fn gains(scene: f64, stuck: f64) -> [f64; 3] {
 }
 
 impl Perturbation for StuckWhiteBalance {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let gains = gains(cx.number("scene"), cx.number("stuck"));
         let light = &self.light;
         let tables: [[u8; 256]; 3] =
             gains.map(|gain| std::array::from_fn(|value| light.store(gain as f32 * light.of(value as u8))));
-        for (row, from) in dst.rows_mut().zip(src.rows()) {
-            for (to, pixel) in row.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
-                for channel in 0..3 {
-                    to[channel] = tables[channel][pixel[channel] as usize];
-                }
-            }
-        }
+        lookup_by_channel(src, dst, &tables);
         Ok(())
     }
 }

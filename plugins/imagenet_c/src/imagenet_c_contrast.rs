@@ -1,5 +1,7 @@
 //! Less contrast.
 
+use pdk_sdk::ops::point::lookup_by_channel;
+use pdk_sdk::ops::white_balance::channel_sums;
 use pdk_sdk::prelude::*;
 
 use crate::suite::corruption;
@@ -23,25 +25,15 @@ impl Component for Contrast {
 }
 
 impl Perturbation for Contrast {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let mut sums = [0u64; 3];
-        for pixel in src.rows().flat_map(|row| row.chunks_exact(3)) {
-            sums.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += u64::from(value));
-        }
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (factor, count) = (cx.number("factor"), (src.width() * src.height()) as f64);
-        let tables = sums.map(|sum| {
+        let tables = channel_sums(src).map(|sum| {
             let mean = sum as f64 / count / 255.0;
             let drawn =
                 |value: usize| ((value as f64 / 255.0 - mean) * factor + mean).clamp(0.0, 1.0) * 255.0;
             std::array::from_fn::<u8, 256, _>(|value| drawn(value) as u8)
         });
-        for (from, to) in src.rows().zip(dst.rows_mut()) {
-            for (from, to) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
-                for ((&value, to), table) in from.iter().zip(to).zip(&tables) {
-                    *to = table[usize::from(value)];
-                }
-            }
-        }
+        lookup_by_channel(src, dst, &tables);
         Ok(())
     }
 }

@@ -7,6 +7,7 @@ use pdk_sdk::prelude::*;
 
 use crate::chamfer::{bordered, distances, edges};
 use crate::gaussian::weights;
+use crate::simd::vectorised;
 use crate::suite::{MadeFor, corruption};
 
 /// Pale turquoise, and brown.
@@ -24,9 +25,6 @@ pub struct Spatter {
     liquid: Image,
     /// How much of the liquid's colour each pixel gets.
     cover: Vec<f32>,
-    /// For each value of a row, the share of it that is left, and what is added.
-    left: Vec<f32>,
-    added: Vec<f32>,
     workspace: Workspace,
 }
 
@@ -64,20 +62,31 @@ impl Perturbation for Spatter {
             if mud { self.cover_with_mud(cx) } else { self.cover_with_water(cx) }
         }
         let colour = if mud { MUD } else { WATER };
-        let Self { left, added, .. } = self;
-        left.resize(3 * src.width(), 1.0);
-        added.resize(3 * src.width(), 0.0);
         for ((from, to), cover) in src.rows().zip(dst.rows_mut()).zip(self.cover.chunks_exact(src.width())) {
-            let pixels = left.as_chunks_mut::<3>().0.iter_mut().zip(added.as_chunks_mut::<3>().0);
-            for ((left, added), &cover) in pixels.zip(cover) {
-                *left = [if mud { 1.0 - cover } else { 1.0 }; 3];
-                *added = colour.map(|colour| cover * colour);
-            }
-            for ((&from, to), (left, added)) in from.iter().zip(to).zip(left.iter().zip(&*added)) {
-                *to = truncated(left * f32::from(from) + added);
-            }
+            lay_row(from, to, cover, colour, mud);
         }
         Ok(())
+    }
+}
+
+/// The pixels of a row that are laid over together.
+const PIXELS: usize = 64;
+
+vectorised! {
+    /// Lays liquid of a colour over a row. Mud hides as much of what is behind it as it covers.
+    fn lay_row / lay_row_avx2 / lay_row_avx512 (
+        from: &[u8], to: &mut [u8], cover: &[f32], colour: [f32; 3], mud: bool,
+    ) {
+        let (mut covers, colours) = ([[0.0f32; 3]; PIXELS], [colour; PIXELS]);
+        let hidden = if mud { 1.0 } else { 0.0 };
+        let blocks = from.chunks(3 * PIXELS).zip(to.chunks_mut(3 * PIXELS)).zip(cover.chunks(PIXELS));
+        for ((from, to), cover) in blocks {
+            covers.iter_mut().zip(cover).for_each(|(covers, &cover)| *covers = [cover; 3]);
+            let weights = covers.as_flattened().iter().zip(colours.as_flattened());
+            for ((&from, to), (&cover, &colour)) in from.iter().zip(to).zip(weights) {
+                *to = truncated((1.0 - hidden * cover) * f32::from(from) + cover * colour);
+            }
+        }
     }
 }
 
@@ -178,12 +187,35 @@ fn equalised(values: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::with_each;
     use crate::testing::{frame, perturbed};
 
     #[test]
     fn passes_the_test_kit() {
         pdk_sdk::testing::perturbation::<Spatter>();
         crate::allocations::on_the_first_frames_alone::<Spatter>();
+    }
+
+    #[test]
+    fn rows_are_laid_over_as_the_formula_says_with_all_instructions() {
+        for (width, mud) in
+            [1, 5, 63, 64, 65, 200].into_iter().flat_map(|width| [(width, false), (width, true)])
+        {
+            let from: Vec<u8> = (0..3 * width).map(|at| (at * 37) as u8).collect();
+            let cover: Vec<f32> = (0..width).map(|x| (x * 13 % 17) as f32 / 16.0).collect();
+            let colour = if mud { MUD } else { WATER };
+            let value = |(at, &from): (usize, &u8)| {
+                let cover = cover[at / 3];
+                let left = if mud { 1.0 - cover } else { 1.0 };
+                (left * f32::from(from) + cover * colour[at % 3]) as u8
+            };
+            let wanted: Vec<u8> = from.iter().enumerate().map(value).collect();
+            with_each(|instructions| {
+                let mut to = vec![0; from.len()];
+                lay_row(&from, &mut to, &cover, colour, mud);
+                assert_eq!(to, wanted, "{width} {mud} with {instructions:?}");
+            });
+        }
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Operations on each value by itself: lookup tables and linear maps.
 
-use crate::frame::{Frame, FrameMut};
+use crate::frame::{CHANNELS, Frame, FrameMut, for_each_row};
+use crate::planes::{BLOCK_BYTES, put_together, take_apart};
 use crate::simd::{round_to_byte, vectorised};
 use crate::table::{look_up, look_up_row};
 
@@ -10,6 +11,29 @@ use crate::table::{look_up, look_up_row};
 /// If the sizes differ.
 pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
     look_up(src, dst, table);
+}
+
+/// Replaces each value `v` by `table[v]`, with a table for each channel.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn lookup_by_channel(src: Frame<'_>, dst: FrameMut<'_>, tables: &[[u8; 256]; CHANNELS]) {
+    for_each_row(src, dst, |from, to| look_up_channels(from, to, tables));
+}
+
+vectorised! {
+    fn look_up_channels / look_up_channels_avx2 / look_up_channels_avx512 (
+        from: &[u8], to: &mut [u8], tables: &[[u8; 256]; CHANNELS],
+    ) {
+        for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
+            let mut planes = take_apart(from);
+            for (plane, table) in planes.iter_mut().zip(tables) {
+                let from = *plane;
+                look_up_row(&from, plane, table);
+            }
+            put_together(&planes, to);
+        }
+    }
 }
 
 /// Multiplies the distance of each value from `pivot` by `factor`: `pivot + (v - pivot) * factor`, clipped to 0..=255
@@ -94,6 +118,21 @@ mod tests {
             let src = sample.frame();
             let expected = plain(src, |x, y| src.pixel(x, y).map(|v| table[usize::from(v)]));
             prop_assert_eq!(run_on(&sample, |src, dst| lookup(src, dst, &table)), expected);
+        }
+
+        #[test]
+        fn lookup_by_channel_matches_the_plain_version(sample in samples(), first: u8, factor in 1u8..) {
+            let table = |c: u8| std::array::from_fn(|v| first.wrapping_add((v as u8).wrapping_mul(factor) ^ (91 * c)));
+            let tables: [[u8; 256]; 3] = [0, 1, 2].map(table);
+            let src = sample.frame();
+            let expected = plain(src, |x, y| {
+                let pixel = src.pixel(x, y);
+                [0, 1, 2].map(|c| tables[c][usize::from(pixel[c])])
+            });
+            with_each(|_| {
+                let found = run_on(&sample, |src, dst| lookup_by_channel(src, dst, &tables));
+                assert_eq!(found, expected);
+            });
         }
 
         #[test]

@@ -9,8 +9,8 @@ const BLOCK: usize = 16 * CHANNELS;
 /// Sums of 8-bit values stay below 2^16 for this many of them.
 const BLOCKS_PER_SUM: usize = 257;
 
-/// The sum over each channel.
-fn channel_sums(src: Frame<'_>) -> [u64; 3] {
+/// The sum of the values of each channel.
+pub fn channel_sums(src: Frame<'_>) -> [u64; 3] {
     let mut sums = [0; 3];
     match src.contiguous() {
         Some(all) => add_channels(all, &mut sums),
