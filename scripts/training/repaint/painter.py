@@ -6,9 +6,10 @@ sum is the same in whatever order it is taken, with fused multiplications or wit
 the file gives the same picture, bit for bit. In training the same rounding lets gradients pass (Bengio et al., "Estimating or
 Propagating Gradients Through Stochastic Neurons for Conditional Computation", 2013).
 
-Its shape is that of the networks of Johnson et al., "Perceptual Losses for Real-Time Style Transfer" (2016): two convolutions
-that halve the size, residual blocks, two that double it, as nearest neighbours and a convolution, which leaves no checkerboard
-(Odena et al., "Deconvolution and Checkerboard Artifacts", 2016). What each half saw goes on to its counterpart, so that edges stay
+Its shape is that of the networks of Johnson et al., "Perceptual Losses for Real-Time Style Transfer" (2016): convolutions
+that halve the size, residual blocks, others that double it, as nearest neighbours and a convolution, which leaves no checkerboard
+(Odena et al., "Deconvolution and Checkerboard Artifacts", 2016). Styles halve the size twice. Weather halves it three times, so that the
+blocks see as far as from the road to what it mirrors. What each half saw goes on to its counterpart, so that edges stay
 where they are. With several styles each layer has a factor and an offset a channel for each of them, and its weights are shared
 (Dumoulin et al., "A Learned Representation for Artistic Style", 2017), but for the last two, which are small.
 """
@@ -84,13 +85,12 @@ def doubled(x):
 
 
 class Painter(nn.Module):
-    def __init__(self, styles=0, width=16, blocks=3, detail=8):
+    def __init__(self, styles=0, width=16, blocks=3, detail=8, halvings=2):
         super().__init__()
         self.styles = styles
-        self.down = nn.ModuleList([
-            Layer(3, width, 5, 2, styles),
-            Layer(width, 2 * width, 3, 2, styles),
-        ])
+        self.down = nn.ModuleList([Layer(3, width, 5, 2, styles), Layer(width, 2 * width, 3, 2, styles)])
+        for _ in range(2, halvings):
+            self.down.append(Layer(2 * width, 2 * width, 3, 2, styles))
         self.blocks = nn.ModuleList([
             nn.ModuleList([
                 Layer(2 * width, 2 * width, 3, 1, styles),
@@ -98,7 +98,8 @@ class Painter(nn.Module):
             ])
             for _ in range(blocks)
         ])
-        self.up = Layer(2 * width, width, 3, 1, styles)
+        self.up = nn.ModuleList([Layer(2 * width, 2 * width, 3, 1, styles) for _ in range(2, halvings)])
+        self.up.append(Layer(2 * width, width, 3, 1, styles))
         self.detail = Layer(width + 3, detail, 3, 1, styles, own=True)
         self.paint = Layer(detail + 3, 3, 3, 1, styles, 0.3, own=True)
         with torch.no_grad():
@@ -107,20 +108,17 @@ class Painter(nn.Module):
             self.paint.bias += 2
         self.exact = False
 
-    def features(self, image, style=None):
-        """What the first half sees, in three sizes, and the image as it takes it."""
-        x = image / 64 - 2
-        first = rectified(self.down[0](x, style, self.exact))
-        second = rectified(self.down[1](first, style, self.exact))
-        h = second
+    def forward(self, image, style=None):
+        """An image of 0 to 255 as (batch, 3, height, width), both multiples of eight; with styles, the number of one for each."""
+        x = h = image / 64 - 2
+        sizes = []
+        for layer in self.down:
+            h = rectified(layer(h, style, self.exact))
+            sizes.append(h)
         for inner, outer in self.blocks:
             h = rectified(h + outer(rectified(inner(h, style, self.exact)), style, self.exact))
-        return x, first, second, h
-
-    def forward(self, image, style=None):
-        """An image of 0 to 255 as (batch, 3, height, width), both multiples of four; with styles, the number of one for each."""
-        x, first, _, h = self.features(image, style)
-        h = rectified(first + self.up(doubled(h), style, self.exact))
+        for layer, before in zip(self.up, sizes[-2::-1]):
+            h = rectified(before + layer(doubled(h), style, self.exact))
         h = rectified(self.detail(torch.cat([doubled(h), x], 1), style, self.exact))
         y = self.paint(torch.cat([h, x], 1), style, self.exact)
         if self.exact:
@@ -183,14 +181,17 @@ class Exporter:
         if styles:
             self.constant("style", np.int64(0))
         x = self.node("Sub", ["image", "grey"], "centred")
-        first = self.rectified(self.layer(painter.down[0], x, "down_1", 3), "down_1.out")
-        h = self.rectified(self.layer(painter.down[1], first, "down_2"), "down_2.out")
+        h, sizes = x, []
+        for number, layer in enumerate(painter.down, 1):
+            h = self.rectified(self.layer(layer, h, f"down_{number}", 3 if number == 1 else 0), f"down_{number}.out")
+            sizes.append(h)
         for number, (inner, outer) in enumerate(painter.blocks, 1):
             inside = self.rectified(self.layer(inner, h, f"block_{number}.inner"), f"block_{number}.between")
             outside = self.layer(outer, inside, f"block_{number}.outer")
             h = self.rectified(self.node("Add", [h, outside], f"block_{number}.sum"), f"block_{number}.out")
-        h = self.layer(painter.up, self.doubled(h, "up.doubled"), "up")
-        h = self.rectified(self.node("Add", [first, h], "up.sum"), "up.out")
+        for number, (layer, before) in enumerate(zip(painter.up, sizes[-2::-1]), 1):
+            h = self.layer(layer, self.doubled(h, f"up_{number}.doubled"), f"up_{number}")
+            h = self.rectified(self.node("Add", [before, h], f"up_{number}.sum"), f"up_{number}.out")
         h = self.node("Concat", [self.doubled(h, "detail.doubled"), x], "detail.in", axis=1)
         h = self.rectified(self.layer(painter.detail, h, "detail", 3), "detail.out")
         h = self.layer(painter.paint, self.node("Concat", [h, x], "paint.in", axis=1), "paint", 3, last=True)

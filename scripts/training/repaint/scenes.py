@@ -1,6 +1,8 @@
-"""Pictures to learn from: frames of the embedded simulator, and what night and rain make of them."""
+"""Pictures to learn from: drives of the embedded simulator on the same roads in different weather, and how places move between frames."""
 
 import io
+import json
+import math
 
 import numpy as np
 import torch
@@ -9,65 +11,104 @@ from mcap_protobuf.decoder import DecoderFactory
 from PIL import Image
 from torch.nn import functional
 
-HORIZON = 51 / 160  # from the top, of the simulator's camera on a level road, as a share of the height
+WEATHER = ("day", "overcast", "night", "rain")
+# The simulator's camera.
+HEIGHT, WIDTH = 160, 320
+FOCAL = WIDTH / 2 / math.tan(math.radians(75 / 2))
+PITCH = math.radians(8)
+AHEAD_OF_CENTRE = 0.5  # of the vehicle, in metres
+# The fog that says how far away places are: 5 % of the light is left at this distance, in metres.
+VISIBILITY = 100
+FAR = 1e4  # in metres: the sky, and what the fog hides
 
 
-def frames(record):
-    """The images of a record as (count, 3, height, width) of bytes."""
-    found = []
-    for trace in sorted((record / "traces").glob("*.mcap")):
-        with open(trace, "rb") as file:
-            decoder = DecoderFactory()
-            for schema, channel, message in make_reader(file).iter_messages(topics=["/raw"]):
-                frame = decoder.decoder_for(message_encoding=channel.message_encoding, schema=schema)(message.data)
-                found.append(np.asarray(Image.open(io.BytesIO(frame.data)).convert("RGB")))
-    if not found:
-        raise SystemExit(f"{record}: there are no images in it; record some with `images_every`")
-    return torch.from_numpy(np.stack(found)).permute(0, 3, 1, 2).contiguous()
+def trace(path):
+    """Frames as the camera saw them, frames as perturbations left them, and places and headings, by the number of the frame."""
+    raw, perturbed, poses = {}, {}, {}
+    decoder = DecoderFactory()
+    with open(path, "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(topics=["/raw", "/perturbed", "/state"]):
+            found = decoder.decoder_for(message_encoding=channel.message_encoding, schema=schema)(message.data)
+            if channel.topic == "/state":
+                poses[message.sequence] = (found.x, found.z, found.heading)
+            else:
+                image = np.asarray(Image.open(io.BytesIO(found.data)).convert("RGB"))
+                (raw if channel.topic == "/raw" else perturbed)[message.sequence] = image
+    return raw, perturbed, poses
 
 
-def smooth_step(x, low, high):
-    t = ((x - low) / (high - low)).clamp(0, 1)
-    return t * t * (3 - 2 * t)
+def distances(fog):
+    """Metres to each pixel along its ray, from a picture of white fog before black."""
+    stored = fog.mean(2) / 255
+    light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    metres = -np.log(np.clip(1 - light, 1e-6, 1)) * VISIBILITY / math.log(20)
+    return np.where(stored > 253 / 255, FAR, np.maximum(metres, 1))
 
 
-def rows(images):
-    return torch.arange(images.shape[2])[None, None, :, None] / images.shape[2]
+def motion(distance, before, after):
+    """Where the pixels of a frame are in another: column, row, and distance along the ray, each as (height, width)."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    right, down, along = (x - WIDTH / 2) / FOCAL, (y - HEIGHT / 2) / FOCAL, np.ones_like(x)
+    scale = distance / np.sqrt(right**2 + down**2 + 1)
+    right, down, along = right * scale, down * scale, along * scale
+    ahead = along * math.cos(PITCH) - down * math.sin(PITCH) + AHEAD_OF_CENTRE
+    below = along * math.sin(PITCH) + down * math.cos(PITCH)
+    # From one vehicle's axes to the world's, and to the other's.
+    (x, z, heading), (later_x, later_z, later) = before, after
+    east = x + ahead * math.sin(heading) + right * math.cos(heading) - later_x
+    north = z + ahead * math.cos(heading) - right * math.sin(heading) - later_z
+    ahead = east * math.sin(later) + north * math.cos(later) - AHEAD_OF_CENTRE
+    right = east * math.cos(later) - north * math.sin(later)
+    along = np.maximum(ahead * math.cos(PITCH) + below * math.sin(PITCH), 0.1)
+    down = below * math.cos(PITCH) - ahead * math.sin(PITCH)
+    return WIDTH / 2 + FOCAL * right / along, HEIGHT / 2 + FOCAL * down / along, np.sqrt(right**2 + down**2 + along**2)
 
 
-def night(images):
-    """Dusk with headlights goes on to night: the sky goes out, lamps and what they shine on stay."""
-    v = images.float()
-    brightest, least = v.amax(1, keepdim=True), v.amin(1, keepdim=True)
-    lamps = smooth_step(least, 125, 185)
-    lamps = torch.maximum(lamps, smooth_step(v[:, :1] - v[:, 1:2], 95, 150) * (rows(v) > HORIZON - 0.03))
-    sky = smooth_step(brightest, 58, 84) * (1 - smooth_step(rows(v), HORIZON + 0.02, HORIZON + 0.08)) * (1 - lamps)
-    light = v.mean(1, keepdim=True)
-    dark_sky = light * torch.tensor([0.11, 0.14, 0.25])[None, :, None, None] + torch.tensor([2.0, 3.0, 8.0])[None, :, None, None]
-    ground = 255 * (v / 255) ** 1.55 * torch.tensor([1.32, 1.3, 1.4])[None, :, None, None]
-    ground = lamps * v + (1 - lamps) * ground
-    return (sky * dark_sky + (1 - sky) * ground).round().clamp(0, 255).to(torch.uint8)
+def warped(images, places):
+    """Pictures at places of them: (count, height, width, 2), from -1 to 1 across a picture."""
+    return functional.grid_sample(images, places, mode="bilinear", padding_mode="border", align_corners=False)
 
 
-def rain(images):
-    """An overcast day turns to rain: the air is thick, colours are pale and dark, and the wet road mirrors what stands behind it."""
-    v = images.float()
-    height = v.shape[2]
-    horizon = round(HORIZON * height)
-    y = torch.arange(height).float()
-    # The road is grey and lies below the horizon.
-    grey = 1 - smooth_step(v.amax(1, keepdim=True) - v.amin(1, keepdim=True), 14, 26)
-    dark = 1 - smooth_step(v.mean(1, keepdim=True), 105, 135)
-    road = functional.avg_pool2d(grey * dark, 3, 1, 1) * (rows(v) > HORIZON)
-    luma = (v * torch.tensor([0.3, 0.59, 0.11])[None, :, None, None]).sum(1, keepdim=True)
-    wet = (0.45 * luma + 0.55 * v) * (0.76 - 0.14 * road)
-    # The rough surface mirrors the clouds, and what stands upright as wide dark bands that are drawn out towards the camera.
-    mirrored = v[:, :, (2 * horizon - y).clamp(0, height - 1).long()]
-    drawn_out = functional.avg_pool2d(functional.pad(mirrored, (12, 12, 20, 20), mode="replicate"), (41, 25), 1)
-    air = torch.tensor([146.0, 152.0, 160.0])[None, :, None, None]
-    fresnel = 0.05 + 0.6 * torch.exp(-(y - horizon).clamp(min=0) / (0.2 * height))
-    wet = wet + road * fresnel[None, None, :, None] * (0.5 * drawn_out + 0.42 * air - wet)
-    # Drops between the camera and what is far away.
-    near = torch.exp(-(y - horizon).clamp(min=0) / (0.06 * height)) * torch.where(y < horizon, 0.5, 0.62)
-    wet = wet + near[None, None, :, None] * (air - wet)
-    return wet.round().clamp(0, 255).to(torch.uint8)
+class Drives:
+    """Frames of the same places in all weather, as (count, 3, height, width) of bytes for each; and for each frame where its
+    pixels are in the next one, and which of them are to be seen there."""
+
+    def __init__(self, record):
+        roads, images, self.places, self.seen, self.conditions = {}, {weather: [] for weather in WEATHER}, [], [], []
+        for text in open(record / "scenarios.jsonl"):
+            scenario = json.loads(text)
+            conditions, road, weather = scenario["name"].split()
+            roads.setdefault((conditions, road), {})[weather] = trace(record / "traces" / f"{scenario['id']}.mcap")
+        for (conditions, _), drives in roads.items():
+            frames, fog, poses = drives["day"]
+            if any(drive[2] != poses for drive in drives.values()):
+                raise SystemExit(f"{record}: the drives on a road of {conditions} conditions went different ways; record them anew")
+            numbers = sorted(frames)
+            for weather, (raw, perturbed, _) in drives.items():
+                images[weather] += [(perturbed if weather == "rain" else raw)[number] for number in numbers]
+            metres = [distances(fog[number]) for number in numbers]
+            for at, number in enumerate(numbers):
+                self.conditions.append(conditions)
+                places, seen = np.zeros((HEIGHT, WIDTH, 2)), np.zeros((HEIGHT, WIDTH))
+                if at + 1 < len(numbers):
+                    places, seen = self.moved(metres[at], metres[at + 1], poses[number], poses[numbers[at + 1]])
+                self.places.append(places.astype(np.float32))
+                self.seen.append(seen.astype(np.float32))
+        self.images = {weather: torch.from_numpy(np.stack(found)).permute(0, 3, 1, 2).contiguous() for weather, found in images.items()}
+        self.places = torch.from_numpy(np.stack(self.places))
+        self.seen = torch.from_numpy(np.stack(self.seen))[:, None]
+        # The frames that have a next one.
+        self.first = self.seen.flatten(1).amax(1).nonzero()[:, 0]
+
+    def __len__(self):
+        return len(self.places)
+
+    @staticmethod
+    def moved(metres, later, before, after):
+        column, row, expected = motion(metres, before, after)
+        places = np.stack([2 * column / WIDTH - 1, 2 * row / HEIGHT - 1], 2)
+        at = torch.from_numpy(places)[None].float()
+        found = warped(torch.from_numpy(later)[None, None].float(), at)[0, 0].numpy()
+        # What something hides in the next frame is further away than what is seen in its place, and vehicles move on their own.
+        same = (np.abs(found - expected) < 0.08 * expected + 0.3) | ((metres >= FAR) & (found >= FAR / 2))
+        return places, same & (np.abs(places) < 1).all(2)

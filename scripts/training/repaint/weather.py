@@ -1,147 +1,95 @@
-"""Trains a painter to turn pictures of one kind into another, from pictures of both that show different places.
+"""Trains a painter to turn the picture of a place in one weather into that of the same place in another.
 
-This is contrastive unpaired translation (Park et al., "Contrastive Learning for Unpaired Image-to-Image Translation", 2020): a
-discriminator learns to tell painted pictures from true ones of the other kind, and the painter to pass for true (least squares: Mao
-et al., 2017), while each place of the painted picture has to be recognised among others of the same picture by what the painter's own
-first half sees there. So the light changes, and the road stays where it is. It does what the cycle of CycleGAN (Zhu et al., 2017)
-does with half the networks. A discriminator that always knows teaches nothing, as where one kind is bright and the other dark: so
-the painter is also told what colours there are at each height, and how they vary, and the discriminator sees pictures with noise.
+The simulator drives each road in all weather, so each frame has a counterpart, and the painter learns from the difference to it: in
+levels, in their square roots, which count dark places as eyes do, and in edges. What cannot be known from the picture, such as how far
+away something is, comes out as the mean of what it may be. Two consecutive frames of a drive are painted at once. The second
+painting, moved to where its places were in the first, has to be like the first (Ruder et al., "Artistic Style Transfer for Videos", 2016), but
+for places that are to be seen in one of them only.
 """
 
 import copy
 import time
 
 import torch
-from torch import nn
 from torch.nn import functional
 
 from painter import Painter
+from scenes import warped
 
-CROP = 128  # pixels of a frame's width; the whole height is seen, since the sky is above
-BATCH = 2
-PLACES = 96  # of each picture that have to be recognised
-TEMPERATURE = 0.07
-BANDS = 8  # of the height, in which colours are compared
-NOISE = 10.0  # deviation of what is added before the discriminator, in levels of 255, at the beginning; none at half of the steps
+RATE = 2e-3
 AVERAGE = 0.995  # of the weights over the steps, which is what is kept
-EXACT_FROM = 0.8  # of the steps, with the rounding of the exported network
+EXACT_FROM = 0.85  # of the steps, with the rounding of the exported network
+CLOSEST = 0.75  # of a frame's sides: the smallest part that is seen enlarged, so that the horizon is not always in the same place
 
 
-class Discriminator(nn.Module):
-    """Says of patches of 37 x 37 pixels whether they are true."""
-
-    def __init__(self, width=24):
-        super().__init__()
-        self.layers = nn.Sequential(
-            nn.Conv2d(3, width, 4, 2, 1), nn.LeakyReLU(0.2),
-            nn.Conv2d(width, 2 * width, 4, 2, 1), nn.LeakyReLU(0.2),
-            nn.Conv2d(2 * width, 2 * width, 3, 1, 1), nn.LeakyReLU(0.2),
-            nn.Conv2d(2 * width, 2 * width, 3, 1, 1), nn.LeakyReLU(0.2),
-            nn.Conv2d(2 * width, 1, 3, 1, 1),
-        )
-
-    def forward(self, image):
-        return self.layers(image / 127.5 - 1)
+def windows(pictures, random):
+    """A random part of the pictures, enlarged to their size, in every other call; and mirrored in every other one."""
+    whole, mirrored = (torch.rand(2, generator=random) < 0.5).tolist()
+    share, left, top = torch.rand(3, generator=random).tolist()
+    share = 1.0 if whole else CLOSEST + (1 - CLOSEST) * share
+    left, top = ((1 - share) * (2 * at - 1) for at in (left, top))
+    across = share * (-1 if mirrored else 1)
+    affine = torch.tensor([[across, 0, left], [0, share, top]]).expand(1, 2, 3)
+    grid = functional.affine_grid(affine, (1, 1, *pictures[0].shape[2:]), align_corners=False)
+    found = [warped(picture, grid.expand(len(picture), -1, -1, -1)) for picture in pictures]
+    return found, affine[0]
 
 
-class Recognition(nn.Module):
-    """How well places of a painted picture are recognised among those of the original."""
-
-    def __init__(self, channels, size=32):
-        super().__init__()
-        self.heads = nn.ModuleList([
-            nn.Sequential(nn.Linear(count, size), nn.ReLU(), nn.Linear(size, size)) for count in channels
-        ])
-
-    def forward(self, painted, original, random):
-        total = 0
-        for head, here, there in zip(self.heads, painted, original):
-            batch, _, height, width = here.shape
-            chosen = torch.randperm(height * width, generator=random)[:PLACES]
-            here, there = (
-                functional.normalize(head(f.flatten(2)[:, :, chosen].transpose(1, 2).float()), dim=2) for f in (here, there.detach())
-            )
-            alike = here @ there.transpose(1, 2) / TEMPERATURE
-            right = torch.arange(len(chosen)).expand(batch, -1)
-            total = total + functional.cross_entropy(alike.flatten(0, 1), right.flatten())
-        return total / len(self.heads)
+def moved(places, affine):
+    """Places in the next frame as those in its window, for the pixels of the window."""
+    return (places.permute(0, 2, 3, 1) - affine[:, 2]) / torch.stack([affine[0, 0], affine[1, 1]])
 
 
-def colours(images):
-    """Mean and covariance of the colours in each band of the pictures together: (bands, 3) and (bands, 3, 3)."""
-    bands = (images / 64).permute(2, 0, 3, 1).reshape(BANDS, -1, 3)
-    mean = bands.mean(1, keepdim=True)
-    return mean[:, 0], (bands - mean).transpose(1, 2) @ (bands - mean) / bands.shape[1]
+def edges(image):
+    return image[:, :, 1:] - image[:, :, :-1], image[:, :, :, 1:] - image[:, :, :, :-1]
 
 
-def crops(images, random, count=BATCH):
-    """Random crops of random frames, every other one mirrored."""
-    found = []
-    for _ in range(count):
-        frame = images[torch.randint(len(images), (), generator=random)]
-        left = torch.randint(images.shape[3] - CROP + 1, (), generator=random)
-        crop = frame[:, :, left:left + CROP].float()
-        found.append(crop.flip(2) if torch.rand((), generator=random) < 0.5 else crop)
-    return torch.stack(found).contiguous(memory_format=torch.channels_last)
+def apart(painted, wanted):
+    """How far pictures of 0 to 255 are from what they are to be."""
+    roots = [(picture.clamp(0, 255) / 255 + 0.002).sqrt() for picture in (painted, wanted)]
+    found = (painted - wanted).abs().mean() / 64 + 2 * (roots[0] - roots[1]).abs().mean()
+    for a, b in zip(edges(painted), edges(wanted)):
+        found = found + (a - b).abs().mean() / 64
+    return found
 
 
-def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, memory=1.0, show=None):
-    """A painter that turns the first kind of pictures into the second; both as (count, 3, height, width) of bytes.
+def shaken(painted, places, seen):
+    """How far the second painting, moved onto the first, is from it."""
+    return ((warped(painted[1:], places) - painted[:1]).abs() * seen).sum() / (3 * seen.sum() + 1) / 64
 
-    `recognition`, `identity` and `tone` say how much what is recognised, what is kept and the colours count. Colours are those of the
-    pictures painted last, of which the newest count for `memory`: the less, the less do they follow what a few pictures happen to show.
-    """
+
+def train(drives, before, after, steps, seed, steady=1.0, show=None):
+    """A painter that turns frames in each weather of a list into those of another. `steady` says how much time counts."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
-    painter, judge = (network.to(memory_format=torch.channels_last) for network in (Painter(), Discriminator()))
-    places = Recognition([3, 16, 32, 32])
+    painter = Painter(halvings=3).to(memory_format=torch.channels_last)
     average = copy.deepcopy(painter)
-    rate = 1e-3
-    painting = torch.optim.Adam([*painter.parameters(), *places.parameters()], rate, (0.5, 0.99))
-    judging = torch.optim.Adam(judge.parameters(), rate / 4, (0.5, 0.99))
-    wanted, lately = colours(after.float()), colours(before.float())
-    sums, began = torch.zeros(5), time.process_time()
+    optimiser = torch.optim.Adam(painter.parameters(), RATE, (0.9, 0.99))
+    sums, began = torch.zeros(2), time.process_time()
     for step in range(steps):
         painter.exact = step >= EXACT_FROM * steps
-        for optimiser, full in ((painting, rate), (judging, rate / 4)):
-            optimiser.param_groups[0]["lr"] = full * min(1, 2 * (1 - step / steps))
-        original, true = crops(before, random), crops(after, random)
-        # Half the digits, until it comes to all of them: faster on processors that can.
-        with torch.autocast("cpu", torch.bfloat16, enabled=not painter.exact):
-            painted = painter(original).float()
-
-        judge.requires_grad_(True)
-        noise = max(0, 1 - 2 * step / steps) * NOISE
-        both = torch.cat([true, painted.detach()])
-        with torch.autocast("cpu", torch.bfloat16):
-            of_true, of_painted = judge(both + noise * torch.randn(both.shape, generator=random)).float().chunk(2)
-        judged = ((of_true - 1) ** 2).mean() + (of_painted**2).mean()
-        judging.zero_grad()
-        judged.backward()
-        judging.step()
-
-        judge.requires_grad_(False)
-        with torch.autocast("cpu", torch.bfloat16, enabled=not painter.exact):
-            passes = ((judge(painted + noise * torch.randn(painted.shape, generator=random)) - 1) ** 2).mean()
-            there = painter.features(painted)
-            with torch.no_grad():
-                here = painter.features(original)
-            # A picture that is of the second kind already has nothing to change.
-            kept = (painter(true[:1]) - true[:1]).abs().mean()
-        known = places(there, here, random)
-        lately = [(1 - memory) * old + memory * new for old, new in zip(lately, colours(painted))]
-        apart = sum((found - goal).abs().mean() for found, goal in zip(lately, wanted))
-        painting.zero_grad()
-        (passes + recognition * known + identity * kept + tone / memory * apart).backward()
-        painting.step()
+        optimiser.param_groups[0]["lr"] = RATE * min(1, (step + 1) / 50, 1.6 * (1 - step / steps) + 0.01)
+        first = drives.first[torch.randint(len(drives.first), (), generator=random)].item()
+        weather = before[torch.randint(len(before), (), generator=random)]
+        pair = slice(first, first + 2)
+        (original, wanted, places, seen), affine = windows(
+            [drives.images[weather][pair].float(), drives.images[after][pair].float(),
+             drives.places[first:first + 1].permute(0, 3, 1, 2), drives.seen[first:first + 1]], random,
+        )
+        painted = painter(original.contiguous(memory_format=torch.channels_last))
+        places = moved(places, affine)
+        seen = (seen > 0.99) & (places.abs() < 1).all(3)[:, None]
+        unlike, unsteady = apart(painted, wanted), shaken(painted, places, seen)
+        optimiser.zero_grad()
+        (unlike + steady * unsteady).backward()
+        optimiser.step()
         with torch.no_grad():
             for mean, now in zip(average.parameters(), painter.parameters()):
                 mean.lerp_(now, 1 - min(AVERAGE, step / (step + 10)))
-            lately = [now.detach() for now in lately]
-            sums += torch.tensor([judged, passes, known, kept, apart])
+            sums += torch.tensor([unlike, unsteady])
         if (step + 1) % 200 == 0:
-            means = ", ".join(f"{name} {value:.3f}" for name, value in zip(("judged", "passes", "known", "kept", "apart"), sums / 200))
-            print(f"step {step + 1}: {means}; {time.process_time() - began:.0f} s of processor time", flush=True)
+            print(f"step {step + 1}: unlike {sums[0] / 200:.3f}, unsteady {sums[1] / 200:.3f}; "
+                  f"{time.process_time() - began:.0f} s of processor time", flush=True)
             sums.zero_()
             if show:
                 show(average, step + 1)

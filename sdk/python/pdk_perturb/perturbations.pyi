@@ -1852,7 +1852,7 @@ def night(
     level_scale: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Repaints a day as a night, by a network.
+    """Repaints a day as a night with headlights, by a network.
 
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
@@ -1860,7 +1860,7 @@ def night(
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else pdk (default "auto").
-    Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
+    Source: Johnson et al., Perceptual Losses for Real-Time Style Transfer and Super-Resolution, 2016.
     Not part of the default set.
     """
 
@@ -2344,7 +2344,7 @@ def rainy(
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else pdk (default "auto").
-    Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
+    Source: Johnson et al., Perceptual Losses for Real-Time Style Transfer and Super-Resolution, 2016.
     Not part of the default set.
     """
 

@@ -1,7 +1,7 @@
 //! The perturbation `night`.
 
 super::painter::painter! {
-    Night: "night", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27",
-    "Repaints a day as a night, by a network",
-    "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020"
+    Night: "night", 2, "d6cedb38b88f4690167382c7208d0a62ed43f04b1d134f9b7976f5d431658345",
+    "Repaints a day as a night with headlights, by a network",
+    "Johnson et al., Perceptual Losses for Real-Time Style Transfer and Super-Resolution, 2016"
 }

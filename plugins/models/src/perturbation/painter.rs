@@ -35,10 +35,10 @@ pub fn describe(description: Description, source: &str, blake3: &str, styles: &[
     laying(description).parameter(engine::indifferent_parameter())
 }
 
-/// Defines the perturbation of a network; the literals are its name, which is also that of its file in `scripts/painters`, BLAKE3 of
-/// that file, what it does, and where that comes from.
+/// Defines the perturbation of a network; the literals are its name, which is also that of its file in `scripts/painters`, its version,
+/// BLAKE3 of that file, what it does, and where that comes from.
 macro_rules! painter {
-    ($painter:ident: $name:literal, $hash:literal, $doc:literal, $source:literal $(, $styles:expr)?) => {
+    ($painter:ident: $name:literal, $version:literal, $hash:literal, $doc:literal, $source:literal $(, $styles:expr)?) => {
         use pdk_sdk::prelude::*;
 
         #[doc = concat!($doc, ".")]
@@ -54,7 +54,7 @@ macro_rules! painter {
 
         impl Component for $painter {
             fn description() -> Description {
-                let description = Description::perturbation($name, $doc);
+                let description = Description::perturbation($name, $doc).version($version);
                 let styles: &[&[&str]] = &[$(&$styles)?];
                 super::painter::describe(description, $source, $hash, &styles.concat())
             }
