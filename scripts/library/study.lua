@@ -49,7 +49,7 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 		-- Says so where there is no such perturbation.
 		pdk.draws(name)
 	end
-	names = study.reaching(names, levels, settings.level_scale or "")
+	names = study.reaching(names, levels, rawget(settings, "level_scale") or "")
 	if settings.confidence <= 0 or settings.confidence >= 1 then
 		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 2)
 	end
@@ -120,7 +120,7 @@ end
 
 -- A perturbation at a level of the scale that is set; without one, of the published scale.
 function study.applied(settings, name: string, level: number)
-	local scale = settings.level_scale or ""
+	local scale = rawget(settings, "level_scale") or ""
 	return { name = name, level = level, level_scale = if scale ~= "" then scale else nil }
 end
 
@@ -173,7 +173,7 @@ end
 -- Says how far a bisection may be off in a simulator that may end drives under the same draws differently. `lane` does not.
 function study.warn_of_luck(settings)
 	local simulator = study.simulator(settings).name
-	if settings.search == "bisect" and simulator ~= "lane" then
+	if rawget(settings, "search") == "bisect" and simulator ~= "lane" then
 		print(
 			`If each drive in {simulator} has luck of its own, the levels that bisection finds are off by up to a quarter of a level; `
 				.. "the pipeline study with search=all drives all levels"

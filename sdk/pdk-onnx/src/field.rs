@@ -125,7 +125,7 @@ fn follow(site: &Site<'_>, known: &HashMap<String, Looks>) -> Result<Option<Look
                 if let Some(look) = &mut looks[axis]
                     && (size != length || scale != 1.0)
                 {
-                    let origin = |at| resize::origin(site, at, scale, length, size);
+                    let origin = |at| resize::origin(site, at, scale, length, size, std::convert::identity);
                     let (zero, one) = (origin(0)?, origin(1)?);
                     look.start += look.step * zero;
                     look.step *= one - zero;

@@ -375,6 +375,10 @@ fn a_pipeline_that_fails_says_where() {
         ),
         ("pdk.settings({ seed = 3 })", &["seed", "every pipeline"]),
         ("pdk.settings({}) pdk.settings({})", &["once"]),
+        (
+            "local s = pdk.settings({ level = 4 })\nprint(s.levl)",
+            &["pipeline.lua:2", "the pipeline has no setting `levl`; did you mean `level`?"],
+        ),
         ("pdk.show(3)", &["pdk.show"]),
         (
             "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = { 'contrast' }, levels = { 9 } })",

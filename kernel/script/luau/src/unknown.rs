@@ -24,7 +24,10 @@ pub(crate) fn shown(name: &Value) -> String {
 }
 
 /// A function for `__index` that knows these names: a table need not have all of them, and has no others.
-pub(crate) fn index(
+///
+/// # Errors
+/// If the virtual machine is out of memory.
+pub fn index(
     lua: &Lua,
     owner: &'static str,
     sort: &'static str,

@@ -6,7 +6,7 @@ use pdk_lua::{ApiFunction, ApiTable, LuaRandom, perturbation_api};
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
-use crate::bridge::{all_outcomes, call, frames_of, function, with_host};
+use crate::bridge::{all_outcomes, call, frames_of, function, settings, with_host};
 use crate::host::Host;
 use crate::requests::SCENARIOS;
 use crate::scored::{conduct, score_of};
@@ -24,9 +24,9 @@ pub const API: ApiTable = ApiTable {
             name: "settings",
             signature: "<T>(defaults: T) -> T",
             doc: "Declares the settings of the pipeline with their defaults, and returns them with what `--set` puts in \
-                  their place. May be called once. `seed` and the other settings of every run, which `pdk run --help` lists, are \
+                  their place. May be called once. To read one that was not declared is an error. `seed` and the other settings of every run, which `pdk run --help` lists, are \
                   there in every pipeline.",
-            make: |lua| function(lua, "pdk.settings", |host, [defaults]| host.settings(defaults)),
+            make: |lua| lua.create_function(|lua, defaults: LuaValue| settings(lua, &defaults)),
         },
         ApiFunction {
             name: "drive",

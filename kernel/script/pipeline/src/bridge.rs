@@ -1,7 +1,7 @@
 //! How a script reaches the host: values cross as JSON, and the time that the host takes is not the script's.
 
 use mlua::{ExternalError, Function, Lua, MultiValue, Table, Value as LuaValue};
-use pdk_lua::unknown::strict;
+use pdk_lua::unknown::{index, strict};
 use pdk_lua::without_clock;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::error::{Error, Result};
@@ -31,6 +31,23 @@ pub fn function<const N: usize>(
         }
         call(lua, |host| work(host, values))
     })
+}
+
+/// `pdk.settings`: a misspelt setting would be nil, with which a request takes its default.
+pub fn settings(lua: &Lua, defaults: &LuaValue) -> mlua::Result<LuaValue> {
+    let defaults = from_lua(defaults, "pdk.settings").map_err(ExternalError::into_lua_err)?;
+    let settings = call(lua, |host| host.settings(defaults))?;
+    if let LuaValue::Table(table) = &settings {
+        let names = table.pairs::<String, LuaValue>().map(|pair| Ok(pair?.0));
+        let metatable = lua.create_table()?;
+        // Not protected: a script may clone the table.
+        metatable.raw_set(
+            "__index",
+            index(lua, "the pipeline", "setting", names.collect::<mlua::Result<_>>()?)?,
+        )?;
+        table.set_metatable(Some(metatable))?;
+    }
+    Ok(settings)
 }
 
 /// Calls the host, and hands its result to the script.

@@ -44,7 +44,8 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
     for (place, &axis) in resized.iter().enumerate() {
         let length = shape[axis] as f64;
         let (scale, size) = match (&scales, &sizes) {
-            (Some(scales), _) => (scales[place], (length * scales[place]).floor()),
+            // Of 10 elements by 0.7, the product of 32-bit floats is 7, and that of the same numbers as 64-bit floats is less.
+            (Some(scales), _) => (scales[place], single(length * scales[place]).floor()),
             (None, Some(sizes)) => (sizes[place] as f64 / length, sizes[place] as f64),
             (None, None) => (1.0, length),
         };
@@ -60,17 +61,33 @@ fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![Fact::new(site.fact(0)?.element, scales(site)?.into_iter().map(|(_, size)| size).collect())])
 }
 
-/// Where the middle of an element of the result lies among the elements of the input.
-pub fn origin(site: &Site<'_>, at: usize, scale: f64, length: usize, size: usize) -> Result<f64> {
+/// The nearest 32-bit float.
+fn single(value: f64) -> f64 {
+    f64::from(value as f32)
+}
+
+/// Where the middle of an element of the result lies among the elements of the input. Each result of a calculation is rounded by `round`.
+pub fn origin(
+    site: &Site<'_>,
+    at: usize,
+    scale: f64,
+    length: usize,
+    size: usize,
+    round: fn(f64) -> f64,
+) -> Result<f64> {
     let old = site.node.op_type == "Upsample" || site.opset() < 11;
-    let (x, n, m) = (at as f64, length as f64, size as f64);
+    let (x, n, m, scale) = (at as f64, length as f64, size as f64, round(scale));
+    let middle = round(round(x + 0.5) / scale);
     match site.text("coordinate_transformation_mode", if old { "asymmetric" } else { "half_pixel" }) {
-        "half_pixel" => Ok((x + 0.5) / scale - 0.5),
-        "half_pixel_symmetric" => Ok(n / 2.0 * (1.0 - m / (scale * n)) + (x + 0.5) / scale - 0.5),
-        "pytorch_half_pixel" => Ok(if size > 1 { (x + 0.5) / scale - 0.5 } else { 0.0 }),
-        "align_corners" => Ok(if size > 1 { x * (n - 1.0) / (m - 1.0) } else { 0.0 }),
-        "asymmetric" => Ok(x / scale),
-        "tf_half_pixel_for_nn" => Ok((x + 0.5) / scale),
+        "half_pixel" => Ok(round(middle - 0.5)),
+        "half_pixel_symmetric" => {
+            let offset = round(n / 2.0 * round(1.0 - round(m / round(scale * n))));
+            Ok(round(round(offset + middle) - 0.5))
+        }
+        "pytorch_half_pixel" => Ok(if size > 1 { round(middle - 0.5) } else { 0.0 }),
+        "align_corners" => Ok(if size > 1 { round(round(x * (n - 1.0)) / (m - 1.0)) } else { 0.0 }),
+        "asymmetric" => Ok(round(x / scale)),
+        "tf_half_pixel_for_nn" => Ok(middle),
         other => Err(Error::new(format!("its `coordinate_transformation_mode` `{other}` is not known here"))),
     }
 }
@@ -91,10 +108,14 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
     }
     let old = site.node.op_type == "Upsample" || site.opset() < 11;
     let last = length as f64 - 1.0;
+    let mode = site.text("mode", "nearest");
+    // Which element is nearest is decided with 32-bit floats, as in ONNX Runtime: 3 / 0.6 is 5 there, while 0.6 as a 32-bit float is more
+    // than 0.6, and with 64 bits the quotient is less than 5.
+    let round: fn(f64) -> f64 = if mode == "nearest" { single } else { std::convert::identity };
     let row = |at: usize| {
-        let x = origin(site, at, scale, length, size)?;
+        let x = origin(site, at, scale, length, size, round)?;
         let mut row = vec![0.0; length];
-        match site.text("mode", "nearest") {
+        match mode {
             "nearest" => {
                 let place = match site.text("nearest_mode", if old { "floor" } else { "round_prefer_floor" })
                 {
@@ -192,7 +213,7 @@ fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
 mod tests {
     use crate::graph::Graph;
     use crate::tensor::{Element, Tensor};
-    use crate::testing::{Setting, Sketch, check};
+    use crate::testing::{Setting, Sketch, check, computed};
 
     #[test]
     fn scales_belong_to_the_axes_in_the_order_that_names_them() {
@@ -203,6 +224,28 @@ mod tests {
         s.node("Resize", &["x", "", &scales], "y", &[("axes", Setting::Ints(&[3, 2]))]);
         let graph = Graph::new(s.model(&["y"])).unwrap();
         assert_eq!(graph.fact("y").unwrap().shape, [1, 1, 6, 8]);
+    }
+
+    /// A row of numbers from 0, scaled by a factor.
+    fn scaled(length: usize, factor: f32, settings: &[(&str, Setting<'_>)]) -> Vec<f64> {
+        let row = Tensor::floats(&[length], (0..length).map(|value| value as f64).collect());
+        let scales = Tensor::floats(&[1], vec![f64::from(factor)]);
+        computed(17, |s| {
+            let (row, scales) = (s.weights("row", row.clone()), s.weights("scales", scales.clone()));
+            s.node("Resize", &[&row, "", &scales], "y", settings);
+        })
+        .unwrap()
+        .values
+    }
+
+    #[test]
+    fn sizes_and_the_nearest_element_are_those_of_32_bit_floats() {
+        let asymmetric = ("coordinate_transformation_mode", Setting::Text("asymmetric"));
+        let floor = ("nearest_mode", Setting::Text("floor"));
+        // 3 / 0.6 is 5.
+        assert_eq!(scaled(10, 0.6, &[asymmetric, floor]), [0.0, 1.0, 3.0, 5.0, 6.0, 8.0]);
+        // 10 times 0.7 is 7.
+        assert_eq!(scaled(10, 0.7, &[]).len(), 7);
     }
 
     #[test]

@@ -74,7 +74,13 @@ impl Bins {
         let bin = length / bins as f64;
         let count = match site.int("sampling_ratio", 0) {
             ratio if ratio > 0 => ratio as f64,
-            _ => greater(0.0, bin.ceil()),
+            // With 32-bit floats, as in ONNX Runtime: a scale of 0.8 is a little more than 0.8, which would be a place more.
+            _ => {
+                let single = |value: f64| f64::from(value as f32);
+                let [from, to] = ends.map(|end| single(single(end * scale) - shift));
+                let length = if is_shifted { single(to - from) } else { greater(1.0, single(to - from)) };
+                greater(0.0, single(length / bins as f64).ceil())
+            }
         };
         match count <= MOST {
             true => Ok(Self { from, bin, count: count as usize }),
@@ -150,7 +156,7 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
 #[cfg(test)]
 mod tests {
     use crate::tensor::Tensor;
-    use crate::testing::Setting::Int;
+    use crate::testing::Setting::{Float, Int};
     use crate::testing::computed;
 
     fn aligned(corners: &[f64], image_of: &[i64], settings: [i64; 3]) -> pdk_sdk::error::Result<Tensor> {
@@ -162,6 +168,25 @@ mod tests {
             let settings: Vec<_> = names.into_iter().zip(settings.map(Int)).collect();
             s.node("RoiAlign", &[&image, &regions, &numbers], "y", &settings);
         })
+    }
+
+    #[test]
+    fn a_bin_has_the_places_of_32_bit_floats() {
+        let averaged = |ratio: i64| {
+            computed(16, |s| {
+                let image = s.drawn(&[1, 2, 5, 6], -1.0, 1.0);
+                let regions = s.weights("regions", Tensor::floats(&[1, 4], vec![0.0, 0.0, 5.0, 5.0]));
+                let numbers = s.ints(&[0]);
+                let scale = ("spatial_scale", Float(0.8));
+                let bins = ["output_height", "output_width"].map(|name| (name, Int(2)));
+                let settings = [scale, bins[0], bins[1], ("sampling_ratio", Int(ratio))];
+                s.node("RoiAlign", &[&image, &regions, &numbers], "y", &settings);
+            })
+            .unwrap()
+            .values
+        };
+        // 5 times 0.8 is 4 and 2 places a bin.
+        assert!(averaged(0) == averaged(2) && averaged(0) != averaged(3));
     }
 
     #[test]
