@@ -9,7 +9,7 @@ use crate::attention::Attention;
 use crate::component::{check_values, unfold, without_value};
 use crate::during::During;
 use crate::error::{Error, Result};
-use crate::level::{DEFAULT_LEVEL, Level};
+use crate::level::{DEFAULT_LEVEL, Level, MAX_INTENSITY};
 use crate::level_scale::LevelScale;
 use crate::region::Region;
 use crate::selection::Selection;
@@ -339,12 +339,20 @@ fn read_text(text: &str) -> Result<Map<String, Value>> {
     }
     let mut table = Map::from_iter([("name".to_owned(), Value::from(name))]);
     if let Some(level) = level {
+        if level.is_empty() {
+            return Err(Error::new(format!(
+                "the level in `{head}` is missing; write a number from 0 to {MAX_INTENSITY} after the @, or leave the @ out"
+            )));
+        }
         let level = Level::from_json(head, &parse_value(level)?)?;
         table.insert("level".to_owned(), serde_json::to_value(level)?);
     }
     for part in parts {
         let (key, value) = part.split_once('=').ok_or_else(|| {
-            Error::new(format!("`{part}` in `{text}` sets nothing; write parameters as name=value"))
+            Error::new(format!(
+                "`{part}` in `{text}` sets nothing; write a parameter as name=value, and another perturbation by itself (with another \
+                 --with on the command line)"
+            ))
         })?;
         if table.insert(key.to_owned(), parse_value(value)?).is_some() {
             return Err(Error::new(format!("`{text}` sets `{key}` twice; leave one out")));
@@ -493,6 +501,12 @@ mod tests {
             let error = error(text);
             assert!(error.ends_with("has to be a number from 0 to 4"), "{error}");
         }
+        for text in ["fog@", "fog@,size=1"] {
+            assert_eq!(
+                error(text),
+                "the level in `fog@` is missing; write a number from 0 to 4 after the @, or leave the @ out"
+            );
+        }
         assert!(AppliedPerturbation::from_json(&json!({"name": "fog", "level": "high"})).is_err());
         assert!(AppliedPerturbation::from_json(&json!(3)).is_err());
         assert_eq!(
@@ -505,6 +519,11 @@ mod tests {
             assert_eq!(error(text), format!("`{text}` sets `{twice}` twice; leave one out"));
         }
         assert!(error("fog@1,draws=often").contains("per_sequence"));
+        assert_eq!(
+            error("fog,rain"),
+            "`rain` in `fog,rain` sets nothing; write a parameter as name=value, and another perturbation by itself (with another --with \
+             on the command line)"
+        );
     }
 
     #[test]

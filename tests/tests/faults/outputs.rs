@@ -76,3 +76,27 @@ fn a_device_and_a_link_are_written_to_and_stay_what_they_are() {
     Pdk::new(["road", "--seed", "1", "-o", "null.svg"]).folder(folder.path()).succeed();
     assert!(!fs::metadata("/dev/null").unwrap().is_file());
 }
+
+#[test]
+fn a_folder_is_not_made_under_the_name_of_a_file() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 32, 16);
+    fs::create_dir(folder.path().join("there.png")).unwrap();
+    let cases: [(&str, &[&str]); 4] = [
+        ("sheet.PNG", &["preview", "in.png", "--with", "contrast"]),
+        ("out.mp4", &["corrupt", ".", "--with", "contrast@1"]),
+        ("map.jpg", &["saliency", "in.png", "--driver", "dave2", "--with", "gradient"]),
+        ("out.csv", &["export", "record", "--to", "csv"]),
+    ];
+    for (name, arguments) in cases {
+        let stem = name.split('.').next().unwrap();
+        let remedy = format!(
+            "{name} is named like a file, but several files are written, and -o names the folder for them; name a folder \
+                              such as {stem}"
+        );
+        Pdk::new(arguments).args(["-o", name]).folder(folder.path()).fail(1, &[&remedy]);
+        assert!(!folder.path().join(name).exists());
+    }
+    Pdk::new(["preview", "in.png", "--with", "contrast", "-o", "there.png"]).folder(folder.path()).succeed();
+    assert!(folder.path().join("there.png/sheet.png").is_file());
+}

@@ -133,6 +133,19 @@ fn a_folder_becomes_a_tree_of_perturbations_and_levels() {
 }
 
 #[test]
+fn one_picture_and_one_file_are_counted_in_the_singular() {
+    let folder = temp();
+    classes(folder.path(), 1);
+    fs::write(folder.path().join("photos/notes.txt"), "").unwrap();
+    let said = corrupt(folder.path(), "photos", &["--with", "contrast@1"], "out").succeed().stdout;
+    assert!(
+        said.starts_with("photos: a folder of pictures, 1 picture, 1 other file\nout: 1 condition, 2 files "),
+        "{said}"
+    );
+    assert!(said.contains(" 2 files written, 0 were there; "), "{said}");
+}
+
+#[test]
 fn workers_and_a_kill_change_no_byte() {
     let folder = temp();
     classes(folder.path(), 40);
@@ -171,7 +184,7 @@ fn workers_and_a_kill_change_no_byte() {
     assert_equal(&out, &expected);
     corrupt(folder.path(), "photos", &with, "killed")
         .args(["--quality", "50"])
-        .fail(1, &["other settings", "-o"]);
+        .fail(1, &["was written with --quality 95, and this command has --quality 50", "-o"]);
     fs::create_dir(folder.path().join("full")).unwrap();
     fs::write(folder.path().join("full/mine.txt"), "").unwrap();
     run("1", "full").fail(1, &["has other files in it"]);

@@ -248,6 +248,11 @@ fn models_that_cannot_drive_are_refused_by_name() {
         offline(&path(&format!("record-{name}")), &path("data"), &path(name))
             .fail(1, &["driver `onnx`", name]);
     }
+    assert!(
+        offline(&path("record-nowhere"), Path::new("ex/nosuch"), &path("other_size.onnx"))
+            .fail(1, &["there is no file or folder ex/nosuch to open as a dataset; correct its path"])
+            .ends_with("correct its path")
+    );
     // Frames of another size are not a mistake: they are resized.
     onnx::pilot(&path("other_size.onnx"), 3, 12, 16);
     offline(&path("record-other"), &path("data"), &path("other_size.onnx")).succeed();

@@ -371,6 +371,24 @@ fn a_task_that_was_killed_has_the_numbers_of_its_lines() {
     assert!(page(&record).contains("1200 pictures were evaluated for classification; top1_error is"));
 }
 
+#[test]
+fn a_last_line_that_is_cut_off_is_warned_of_by_every_verb() {
+    let folder = temp();
+    let record = driven(folder.path());
+    let lines = record.join("scenarios.jsonl");
+    let text = fs::read(&lines).unwrap();
+    fs::write(&lines, &text[..text.len() - 20]).unwrap();
+    let warning = format!(
+        "pdk: warning: the last line of {} is cut off, so its scenario is left out\n",
+        lines.display()
+    );
+    for (verb, more) in [("report", &[][..]), ("replay", &[]), ("export", &[]), ("export", &["--to", "csv"])]
+    {
+        let ran = Pdk::new([verb]).arg(&record).args(more).args(["--plugins"]).arg(folder.path()).succeed();
+        assert_eq!(ran.stderr.matches(&warning).count(), 1, "{verb}: {}", ran.stderr);
+    }
+}
+
 /// A number of a summary as the page writes it.
 fn written(value: &Value) -> String {
     let value = value.as_f64().unwrap();

@@ -234,7 +234,8 @@ fn mistakes_are_named() {
         // A record of its own each.
         gate(folder.path(), "lane_keeper", "lane_keeper", &format!("out-{}", text.len()))
     };
-    with(&SUITE.replace("drive.mcap", "none.mcap")).fail(1, &["cannot open the dataset none.mcap"]);
+    with(&SUITE.replace("drive.mcap", "none.mcap"))
+        .fail(1, &["there is no file or folder none.mcap to open as a dataset; correct its path"]);
     with(&SUITE.replace("block = 8", "block = 8000"))
         .fail(1, &["no sequence of them is as long as a block of 8000"]);
     with(&SUITE.replace("steering_error = 0.05", "steering_error = 0")).fail(1, &["`steering_error` is 0"]);

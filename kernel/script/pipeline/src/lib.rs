@@ -12,7 +12,7 @@
 //! | [`follow`] | to whom progress is reported |
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
-//! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |
+//! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `given_road` checks roads, `values` crosses from Lua |
 //! | `tickets` | what stands for scenarios that were submitted |
 //! | `naming` | the names of runs on their topics |
 //! | `levels` | levels that are functions of time |
@@ -31,6 +31,7 @@ mod evaluation;
 mod fields;
 pub mod finished;
 pub mod follow;
+mod given_road;
 pub mod host;
 mod levels;
 mod naming;

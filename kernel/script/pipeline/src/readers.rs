@@ -95,7 +95,8 @@ impl From<Unopened> for Error {
 /// Opens a folder or file with the first dataset reader that can. `make` makes an instance of one.
 ///
 /// # Errors
-/// If no reader can. If one recognises the recording and cannot read it, its reason is given, and else the reasons of all.
+/// If no reader can. If one recognises the recording and cannot read it, its reason is given, and else the reasons of all, unless there is
+/// nothing at the path.
 pub fn open<T>(
     catalog: &Catalog,
     path: &str,
@@ -109,7 +110,6 @@ pub fn open<T>(
             Err(error) => {
                 let reasons =
                     if error.kind() == ErrorKind::Unsuitable { &mut unsuitable } else { &mut failed };
-                // All readers say the same of a folder that does not exist.
                 if !reasons.contains(&error.to_string()) {
                     reasons.push(error.to_string());
                 }
@@ -120,6 +120,10 @@ pub fn open<T>(
     let reasons = if recognised { failed } else { unsuitable };
     let error = Error::new(match reasons.is_empty() {
         true => format!("cannot open the dataset {path}: no dataset reader is installed"),
+        // Each reader would only say so once more.
+        false if !recognised && !Path::new(path).exists() => {
+            format!("there is no file or folder {path} to open as a dataset; correct its path")
+        }
         false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
     });
     Err(Unopened { error, recognised })

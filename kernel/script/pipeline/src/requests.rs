@@ -15,6 +15,7 @@ use pdk_session::session::Submission;
 use serde_json::Value;
 
 use crate::fields::Fields;
+use crate::given_road;
 use crate::run_settings::RunSettings;
 
 /// The field of `pdk.drive` with the list of scenarios.
@@ -154,6 +155,7 @@ impl Defaults {
             .map(|perturbation| AppliedPerturbation::from_json(perturbation).map_err(|error| error.at(place)))
             .collect::<Result<Vec<_>>>()?;
         let (name, road) = (fields.text("name")?, fields.any("road"));
+        given_road::check(place, &road)?;
         let (own_seed, repeat) = (fields.seed("seed")?, fields.whole("repeat")?.unwrap_or_default());
         let Shared { simulator, driver, duration, failure, images_every, mode } =
             self.shared.clone().take(&mut fields)?;
@@ -404,6 +406,10 @@ mod tests {
             let error = with("seed", large);
             assert!(error.contains("`seed` is ") && error.contains("from 0 to 9007199254740991"), "{error}");
         }
+        assert_eq!(
+            with("road", json!({"angles": [0, "x"]})),
+            "pdk.drive: scenarios[2]: `road.angles[2]` is \"x\", but has to be a number"
+        );
         assert!(with("perturbations", json!(["fog@9"])).contains("scenarios[2]: the level in `fog@9`"));
         assert!(with("lenght", json!(1)).contains("scenarios[2]: there is no field `lenght`"));
         assert!(with("mode", json!("fast")).contains("has to be lockstep or realtime"));

@@ -47,18 +47,29 @@ pub enum Role {
 }
 
 impl Role {
-    /// What it is called, for people.
+    /// What several are called, for people.
     pub fn name(self) -> &'static str {
+        self.names()[1]
+    }
+
+    /// What one is called, and what several are.
+    pub fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Picture => "pictures",
-            Self::Mask => "masks",
-            Self::Yolo => "label files with a box or polygon a line",
-            Self::Lines => "label files with a line of points a line",
-            Self::Coco => "COCO annotations",
-            Self::Records | Self::Table | Self::Lengths | Self::Beside => "records with steering",
-            Self::Frames => "files with frames",
-            Self::Fixed => "labels in XML",
-            Self::Other => "other files",
+            Self::Picture => ["picture", "pictures"],
+            Self::Mask => ["mask", "masks"],
+            Self::Yolo => {
+                ["label file with a box or polygon a line", "label files with a box or polygon a line"]
+            }
+            Self::Lines => {
+                ["label file with a line of points a line", "label files with a line of points a line"]
+            }
+            Self::Coco => ["file of COCO annotations", "COCO annotations"],
+            Self::Records | Self::Table | Self::Lengths | Self::Beside => {
+                ["record with steering", "records with steering"]
+            }
+            Self::Frames => ["file with frames", "files with frames"],
+            Self::Fixed => ["file of labels in XML", "labels in XML"],
+            Self::Other => ["other file", "other files"],
         }
     }
 

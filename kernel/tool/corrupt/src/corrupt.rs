@@ -26,8 +26,8 @@ pub struct Done {
     pub read_as: String,
     /// Pictures of the dataset.
     pub pictures: usize,
-    /// The files of each role but pictures.
-    pub others: Vec<(&'static str, usize)>,
+    /// The files of each role but pictures: what one is called, what several are, and how many there are.
+    pub others: Vec<([&'static str; 2], usize)>,
     /// Files that were written, and those that were there.
     pub written: usize,
     /// Files that were there already.
@@ -179,13 +179,13 @@ fn units(source: &Source, conditions: usize, options: &Options) -> Vec<Unit> {
     others.chain(pictures).collect()
 }
 
-fn counts(contents: &Contents) -> Vec<(&'static str, usize)> {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+fn counts(contents: &Contents) -> Vec<([&'static str; 2], usize)> {
+    let mut counts: BTreeMap<[&str; 2], usize> = BTreeMap::new();
     contents
         .roles
         .values()
         .filter(|role| **role != Role::Picture)
-        .for_each(|role| *counts.entry(role.name()).or_default() += 1);
+        .for_each(|role| *counts.entry(role.names()).or_default() += 1);
     counts.into_iter().collect()
 }
 

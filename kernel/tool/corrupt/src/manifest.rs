@@ -76,9 +76,13 @@ impl Manifest {
             Self { folder: folder.to_owned(), settings, written: BTreeMap::new(), journal: opened };
         let fits = |found: &Value| match *found == manifest.settings {
             true => Ok(()),
-            false => Err(Error::new(format!(
-                "{place} was written from another dataset or with other settings; name another folder with -o, or repeat the command as it was"
-            ))),
+            false => {
+                let [before, now] = differing(found, &manifest.settings);
+                Err(Error::new(format!(
+                    "{place} was written with {before}, and this command has {now}; name another folder with -o, or repeat the command \
+                     as it was"
+                )))
+            }
         };
         let mut known = Vec::new();
         if done.is_file() {
@@ -184,5 +188,116 @@ impl Manifest {
         .place(&place)?;
         std::fs::remove_file(self.folder.join(JOURNAL)).place(&place)?;
         Ok(path)
+    }
+}
+
+/// Settings of a kind that an error names before it only counts them.
+const NAMED: usize = 3;
+/// What settings are called that are not options of the same name.
+const OTHER_NAMES: [(&str, &str); 6] = [
+    ("conditions", "conditions"),
+    ("dataset", "dataset"),
+    ("format", "form of the manifest"),
+    ("parameters", "parameters of the reader"),
+    ("pictures", "--format"),
+    ("stored", "form of the files"),
+];
+
+/// In what settings differ: what these were, and what they are now.
+fn differing(before: &Value, now: &Value) -> [String; 2] {
+    // The rule follows from the dataset.
+    let differs = |key: &&String| before[key.as_str()] != now[key.as_str()] && *key != "rule";
+    let keys = || now.as_object().into_iter().chain(before.as_object()).flat_map(serde_json::Map::keys);
+    let mut differing: Vec<&str> = Vec::new();
+    for key in keys().filter(differs).map(String::as_str) {
+        if !differing.contains(&key) {
+            differing.push(key);
+        }
+    }
+    if differing.is_empty() {
+        return ["other settings", "its own"].map(str::to_owned);
+    }
+    let side = |own: &Value, other: &Value| {
+        let parts: Vec<_> = differing.iter().map(|key| setting(key, &own[*key], &other[*key])).collect();
+        parts.join(" and ")
+    };
+    [side(before, now), side(now, before)]
+}
+
+/// A setting as a user writes it; of a list or a table what the other one does not have.
+fn setting(key: &str, own: &Value, other: &Value) -> String {
+    let name = match OTHER_NAMES.iter().find(|(setting, _)| *setting == key) {
+        Some((_, name)) => (*name).to_owned(),
+        None => format!("--{key}"),
+    };
+    let plain = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let entries: Vec<String> = match own {
+        Value::Null | Value::Bool(false) => return format!("no {name}"),
+        Value::Array(list) if list.is_empty() => return format!("no {name}"),
+        Value::Bool(true) => return name,
+        Value::Array(list) => {
+            let others: &[Value] = other.as_array().map_or(&[], Vec::as_slice);
+            let entry = |entry: &Value| {
+                let Some(folder) = entry["folder"].as_str() else { return plain(entry) };
+                match others.iter().find(|other| other["folder"] == folder) {
+                    // The perturbation itself has changed, and not the condition.
+                    Some(other) if other["version"] != entry["version"] => {
+                        format!("{folder} of version {}", entry["version"])
+                    }
+                    Some(_) => format!("{folder} of other code"),
+                    None => folder.to_owned(),
+                }
+            };
+            list.iter().filter(|own| !others.contains(own)).map(entry).collect()
+        }
+        Value::Object(table) => table
+            .iter()
+            .filter(|(key, own)| other[key.as_str()] != **own)
+            .map(|(key, own)| format!("{key}={}", plain(own)))
+            .collect(),
+        value => vec![plain(value)],
+    };
+    match entries.len() {
+        0 => format!("no other {name}"),
+        few if few <= NAMED => format!("{name} {}", entries.join(", ")),
+        many => format!("{name} {} and {} more", entries[..NAMED].join(", "), many - NAMED),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_settings_that_differ_are_named_with_both_values() {
+        let before = json!({
+            "dataset": "a", "seed": 3, "rule": "each", "masks": [], "plain": false, "pictures": "same",
+            "conditions": [{"folder": "fog/1", "version": 1}, {"folder": "fog/2", "version": 1}],
+        });
+        let differs = |key: &str, value: Value| {
+            let mut now = before.clone();
+            now[key] = value;
+            let [before, now] = differing(&before, &now);
+            format!("{before} | {now}")
+        };
+        assert_eq!(differs("seed", json!(4)), "--seed 3 | --seed 4");
+        assert_eq!(differs("dataset", json!("b")), "dataset a | dataset b");
+        assert_eq!(differs("pictures", json!("png")), "--format same | --format png");
+        assert_eq!(differs("plain", json!(true)), "no --plain | --plain");
+        assert_eq!(differs("masks", json!(["x", "y"])), "no --masks | --masks x, y");
+        let conditions = json!([{"folder": "fog/1", "version": 1}, {"folder": "rain/1", "version": 1}]);
+        assert_eq!(differs("conditions", conditions), "conditions fog/2 | conditions rain/1");
+        let other_version = json!([{"folder": "fog/1", "version": 2}, {"folder": "fog/2", "version": 1}]);
+        assert_eq!(
+            differs("conditions", other_version),
+            "conditions fog/1 of version 1 | conditions fog/1 of version 2"
+        );
+        assert_eq!(
+            differs("parameters", json!({"side": "left"})),
+            "no parameters of the reader | parameters of the reader side=left"
+        );
+        let mut now = before.clone();
+        (now["seed"], now["quality"]) = (json!(1), json!(50));
+        assert_eq!(differing(&before, &now), ["--seed 3 and no --quality", "--seed 1 and --quality 50"]);
     }
 }

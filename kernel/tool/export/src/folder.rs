@@ -73,16 +73,11 @@ impl Folder<'_> {
 /// If the folder holds no record, the record is damaged, or a file cannot be written.
 pub fn write(from: &Path, kind: Kind, to: &Path) -> Result<Written> {
     let directory = RunDirectory::open(from)?;
-    let (lines, cut_off) = match from.join(SCENARIOS).is_file() {
+    let (lines, _) = match from.join(SCENARIOS).is_file() {
         true => ledger::read(&directory)?,
         false => (Vec::new(), false),
     };
-    let mut warnings = Vec::new();
-    if cut_off {
-        warnings.push(format!("the last line of {SCENARIOS} is cut off, so its scenario is left out"));
-    }
-    let Read { run, warnings: more } = record::read(from, &from.join(REPORT))?;
-    warnings.extend(more);
+    let Read { run, warnings } = record::read(from, &from.join(REPORT))?;
     let mut folder = Folder { path: to, files: Vec::new() };
     match kind {
         Kind::Csv => {

@@ -143,7 +143,7 @@ impl Tally {
             parts.push(format!("{} because the vehicle stopped", self.stopped));
         }
         if self.late > 0 {
-            parts.push(format!("{} because it was too slow", self.late));
+            parts.push(format!("{} because it ran out of time", self.late));
         }
         if let Some(seconds) = self.time_to_failure() {
             parts.push(format!("half of these within {} s", number(seconds)));

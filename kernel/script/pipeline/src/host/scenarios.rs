@@ -84,25 +84,16 @@ impl Scenarios {
         if shown().all(|(submitted, _)| submitted.unperturbed.is_some()) {
             return Ok(Vec::new());
         }
-        let mut drivers: BTreeMap<&str, BTreeMap<ScenarioId, bool>> = BTreeMap::new();
+        let mut drivers: BTreeMap<&str, BTreeMap<ScenarioId, Verdict>> = BTreeMap::new();
         for (submitted, came) in shown() {
             let Some(driver) = &submitted.unperturbed else { continue };
             let verdict = came.outcome.read()?.cause.verdict();
             if verdict != Verdict::Void {
-                drivers.entry(driver).or_default().insert(submitted.id, verdict.failed());
+                drivers.entry(driver).or_default().insert(submitted.id, verdict);
             }
         }
-        let sentence = |(driver, drives): (&str, BTreeMap<ScenarioId, bool>)| {
-            let failed = drives.values().filter(|failed| **failed).count();
-            let drives = match drives.len() {
-                1 => "its only drive".to_owned(),
-                all => format!("{failed} of {all} drives"),
-            };
-            (failed > 0).then(|| {
-                format!(
-                    "Driver `{driver}` fails {drives} without any perturbation, so its failures under perturbations say little about these."
-                )
-            })
+        let sentence = |(driver, drives): (&str, BTreeMap<_, _>)| {
+            failing(driver, &drives.into_values().collect::<Vec<_>>())
         };
         Ok(drivers.into_iter().filter_map(sentence).collect())
     }
@@ -117,5 +108,49 @@ impl Scenarios {
             }
         }
         failed.into_values().collect()
+    }
+}
+
+/// The sentence about a driver whose drives without perturbation came out like this; none if it does not fail.
+fn failing(driver: &str, drives: &[Verdict]) -> Option<String> {
+    let failed = drives.iter().filter(|verdict| verdict.failed()).count();
+    let late = drives.iter().filter(|verdict| **verdict == Verdict::Late).count();
+    let of = match drives.len() {
+        1 => "its only drive".to_owned(),
+        all => format!("{failed} of {all} drives"),
+    };
+    let fails = match late {
+        _ if failed == 0 => return None,
+        0 => format!("fails {of} without any perturbation"),
+        late if late == failed => format!("runs out of time in {of} without any perturbation"),
+        late => format!("fails {of} without any perturbation, {late} of them because the time ran out"),
+    };
+    let remedy = if late > 0 { "; raise `duration`" } else { "" };
+    Some(format!(
+        "Driver `{driver}` {fails}, so its failures under perturbations say little about these{remedy}."
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_runs_out_of_time_is_not_called_bad() {
+        use Verdict::{Late, Passed, Unsafe};
+        assert_eq!(failing("x", &[Passed, Passed]), None);
+        let sentence = |drives: &[Verdict]| failing("x", drives).unwrap();
+        assert_eq!(
+            sentence(&[Unsafe]),
+            "Driver `x` fails its only drive without any perturbation, so its failures under perturbations say little about these."
+        );
+        assert_eq!(
+            sentence(&[Late, Passed]),
+            "Driver `x` runs out of time in 1 of 2 drives without any perturbation, so its failures under perturbations say little about \
+             these; raise `duration`."
+        );
+        assert!(sentence(&[Late, Unsafe]).starts_with(
+            "Driver `x` fails 2 of 2 drives without any perturbation, 1 of them because the time ran out, so"
+        ));
     }
 }

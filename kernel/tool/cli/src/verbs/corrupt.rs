@@ -13,7 +13,7 @@ use pdk_preview::modifiers;
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
-use super::{Global, print_json};
+use super::{Global, check_folder, print_json};
 
 /// Arguments of `pdk corrupt`
 #[derive(clap::Args)]
@@ -96,6 +96,7 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 
 /// Writes the perturbed datasets.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    check_folder(&arguments.output)?;
     let registry = global.registry()?;
     let catalog = registry.catalog();
     let conditions = match &arguments.suite {
@@ -159,22 +160,27 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let rate = *pictures_written as f64 / seconds;
     if global.json {
         let others: serde_json::Map<_, _> =
-            others.iter().map(|(name, count)| ((*name).to_owned(), (*count).into())).collect();
+            others.iter().map(|([_, name], count)| ((*name).to_owned(), (*count).into())).collect();
         return print_json(&json!({
             "output": arguments.output, "manifest": manifest, "read_as": read_as, "pictures": pictures, "others": others,
             "conditions": conditions.len(), "written": written, "there": there, "pictures_written": pictures_written,
             "seconds": seconds, "pictures_per_second": rate, "warnings": done.warnings,
         }));
     }
-    let others: String = others.iter().map(|(name, count)| format!(", {count} {name}")).collect();
-    println!("{}: {read_as}, {pictures} pictures{others}", arguments.dataset);
-    let conditions = match conditions.len() {
-        1 => "1 condition".to_owned(),
-        count => format!("{count} conditions"),
-    };
+    let others: String =
+        others.iter().map(|(names, count)| format!(", {}", counted(*count, *names))).collect();
+    println!("{}: {read_as}, {}{others}", arguments.dataset, counted(*pictures, ["picture", "pictures"]));
     println!(
-        "{}: {conditions}, {written} files written, {there} were there; {rate:.0} pictures a second",
-        arguments.output.display()
+        "{}: {}, {} written, {} there; {rate:.0} pictures a second",
+        arguments.output.display(),
+        counted(conditions.len(), ["condition", "conditions"]),
+        counted(*written, ["file", "files"]),
+        counted(*there, ["was", "were"]),
     );
     Ok(())
+}
+
+/// A number with its noun.
+fn counted(number: usize, [one, several]: [&str; 2]) -> String {
+    format!("{number} {}", if number == 1 { one } else { several })
 }

@@ -6,12 +6,12 @@ use clap::ValueEnum;
 use pdk_export::Kind;
 use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_record::directory::RunDirectory;
-use pdk_report::published;
+use pdk_record::directory::{RunDirectory, SCENARIOS};
+use pdk_report::{published, record};
 use pdk_sdk::error::Result;
 use serde_json::json;
 
-use super::{Global, print_json};
+use super::{Global, check_folder, print_json};
 
 /// Where files go if no folder is named, in the folder of the record.
 const FOLDER: &str = "export";
@@ -61,6 +61,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         Format::Odd => Kind::Odd,
     };
     let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(FOLDER));
+    check_folder(&folder)?;
     let written = pdk_export::write(&arguments.record, kind, &folder)?;
     for warning in &written.warnings {
         eprintln!("pdk: warning: {warning}");
@@ -78,7 +79,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 fn published(global: &Global, record: &Path, output: Option<&Path>) -> Result<()> {
     let (outcomes, cut_off) = published::outcomes(&RunDirectory::open(record)?)?;
     if cut_off {
-        eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
+        eprintln!("pdk: warning: {}", record::cut_off_warning(&record.join(SCENARIOS)));
     }
     match output {
         None => print_json(&json!(outcomes)),

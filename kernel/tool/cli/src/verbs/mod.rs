@@ -12,7 +12,7 @@ use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_sdk::error::{Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::connection::Pool;
 use pdk_session::interrupt;
 use pdk_session::session::{Options, Session};
@@ -337,6 +337,25 @@ fn check_writable(path: &Path) -> Result<()> {
         _ => tempfile::tempfile_in(folder).map(drop),
     };
     tried.place(format_args!("cannot write {}", path.display()))
+}
+
+/// Endings of pictures, videos and documents. A folder whose name has one is a file that the user expects.
+const FILE_ENDINGS: [&str; 19] = [
+    "avi", "bmp", "csv", "gif", "html", "jpeg", "jpg", "json", "md", "mkv", "mov", "mp4", "npy", "pdf",
+    "png", "svg", "tex", "webp", "xml",
+];
+
+/// Refuses to make a folder that is named like a file.
+fn check_folder(path: &Path) -> Result<()> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    match FILE_ENDINGS.contains(&ending.as_str()) && !path.is_dir() {
+        false => Ok(()),
+        true => Err(Error::new(format!(
+            "{} is named like a file, but several files are written, and -o names the folder for them; name a folder such as {}",
+            path.display(),
+            path.with_extension("").display()
+        ))),
+    }
 }
 
 /// A name, with a number behind it if it was there that many times before.

@@ -13,7 +13,7 @@ use pdk_sdk::describe::{Kind, Role, Temporal};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
-use super::{Global, print_json};
+use super::{Global, check_folder, print_json};
 
 /// Arguments of `pdk preview`
 #[derive(clap::Args)]
@@ -58,6 +58,7 @@ const CLIP: (usize, u32) = (48, 12);
 
 /// Writes the sheet, and for each dynamic perturbation a strip and a clip.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    check_folder(&arguments.output)?;
     let registry = global.registry()?;
     let chosen = preview::chosen(registry.catalog(), &arguments.perturbations, arguments.all)?;
     if chosen.is_empty() {

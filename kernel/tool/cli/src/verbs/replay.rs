@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use pdk_notice::eprintln;
 use pdk_notice::println;
+use pdk_record::directory::SCENARIOS;
 use pdk_replay::compare::{Compared, Finding};
 use pdk_replay::replay::{Film, Replay, Replayed};
+use pdk_report::record;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Value, json};
 
@@ -52,7 +54,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
     }
     if replay.cut_off() {
-        eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
+        eprintln!("pdk: warning: {}", record::cut_off_warning(&arguments.record.join(SCENARIOS)));
     }
     let Arguments { record, trust, .. } = arguments;
     let driving = Driving {

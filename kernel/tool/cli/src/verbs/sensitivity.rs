@@ -64,6 +64,7 @@ struct Least {
 
 /// Differentiates the drive, and writes what was found.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    arguments.output.as_deref().map_or(Ok(()), super::check_folder)?;
     let Chosen { record, scenario } = &arguments.chosen;
     let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
     let driving =

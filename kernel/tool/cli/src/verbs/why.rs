@@ -39,6 +39,7 @@ pub struct Arguments {
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Chosen { record, scenario } = &arguments.chosen;
     let Arguments { output, clips, .. } = arguments;
+    super::check_folder(output)?;
     let limits = arguments.workers.limits()?;
     let driving =
         Driving { verb: "why", record, pool: arguments.workers.pool(), limits, trust: arguments.trust };

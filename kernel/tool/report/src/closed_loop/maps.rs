@@ -77,7 +77,7 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64], largest: f64) -> (
         let all = [
             of_cause(Hue::Failed, least, "all failed"),
             of_cause(Hue::Stopped, "", "all stopped"),
-            of_cause(Hue::Late, "", "all too slow"),
+            of_cause(Hue::Late, "", "all out of time"),
         ];
         all.into_iter().flatten().collect::<Vec<_>>()
     };

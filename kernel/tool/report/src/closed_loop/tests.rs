@@ -142,8 +142,19 @@ fn a_driver_that_fails_without_perturbation_is_named_first() {
         "dave2 fails its only drive without any perturbation, so its failures under perturbations say little about these."
     );
     assert!(said[2].starts_with("6 scenarios were driven, and 4 failed (80 %); in 1"), "{said:?}");
+    drive.scenarios[0].verdict = Verdict::Late;
+    assert_eq!(
+        verdict(std::slice::from_ref(&drive))[0],
+        "dave2 runs out of time in its only drive without any perturbation, so its failures under perturbations say little about these; \
+         raise `duration`."
+    );
+    drive.scenarios.push(scenario(None, 0.0, Verdict::Unsafe, 10.0));
+    assert!(verdict(std::slice::from_ref(&drive))[0].starts_with(
+        "dave2 fails 2 of 2 drives without any perturbation, 1 of them because the time ran out, so"
+    ));
+    drive.scenarios[0].verdict = Verdict::Unsafe;
     drive.scenarios.push(scenario(None, 0.0, Verdict::Passed, 10.0));
-    assert!(verdict(&[drive])[0].starts_with("dave2 fails 1 of 2 drives without"));
+    assert!(verdict(&[drive])[0].starts_with("dave2 fails 2 of 3 drives without any perturbation, so"));
 }
 
 #[test]
@@ -166,7 +177,7 @@ fn stopping_is_a_failure_of_its_own() {
     drive.scenarios[2].verdict = Verdict::Late;
     assert!(
         verdict(std::slice::from_ref(&drive))[1]
-            .contains("no vehicle left its lane or hit anything: they were too slow.")
+            .contains("no vehicle left its lane or hit anything: they ran out of time.")
     );
     assert_eq!(super::section(&drive, &[], &[0.1]).unwrap().scenarios[2].mark, "▷");
 }

@@ -122,10 +122,20 @@ fn failing_unperturbed(drive: &Drive) -> Option<String> {
         1 => "its only drive".to_owned(),
         judged => format!("{} of {judged} drives", nominal.failed),
     };
-    Some(format!(
-        "{} fails {failed} without any perturbation, so its failures under perturbations say little about these.",
-        drive.driver
-    ))
+    let driver = &drive.driver;
+    Some(match (nominal.late, nominal.failed - nominal.late) {
+        (0, _) => format!(
+            "{driver} fails {failed} without any perturbation, so its failures under perturbations say little about these."
+        ),
+        (_, 0) => format!(
+            "{driver} runs out of time in {failed} without any perturbation, so its failures under perturbations say little about these; raise \
+             `duration`."
+        ),
+        (late, _) => format!(
+            "{driver} fails {failed} without any perturbation, {late} of them because the time ran out, so its failures under perturbations \
+             say little about these; raise `duration`."
+        ),
+    })
 }
 
 /// The worst perturbation over several drives, or if there are no levels.
@@ -188,15 +198,15 @@ fn counted(drives: &[Drive], tally: &Tally) -> String {
             "; no vehicle left its lane or hit anything: they stopped".to_owned()
         }
         (0, late) if all_of(late) => {
-            "; no vehicle left its lane or hit anything: they were too slow".to_owned()
+            "; no vehicle left its lane or hit anything: they ran out of time".to_owned()
         }
         (stopped, late) if all_of(stopped + late) => {
-            format!("; no vehicle left its lane or hit anything: {stopped} stopped, {late} were too slow")
+            format!("; no vehicle left its lane or hit anything: {stopped} stopped, {late} ran out of time")
         }
         (stopped, 0) => format!("; in {stopped} of the failed ones the vehicle stopped"),
-        (0, late) => format!("; in {late} of the failed ones the vehicle was too slow"),
+        (0, late) => format!("; in {late} of the failed ones the vehicle ran out of time"),
         (stopped, late) => {
-            format!("; in {stopped} of the failed ones the vehicle stopped, in {late} it was too slow")
+            format!("; in {stopped} of the failed ones the vehicle stopped, in {late} it ran out of time")
         }
     };
     if void > 0 {

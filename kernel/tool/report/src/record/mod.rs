@@ -11,4 +11,4 @@ mod times;
 mod traces;
 mod under_way;
 
-pub use read::{Read, read, read_all, scenarios};
+pub use read::{Read, cut_off_warning, read, read_all, scenarios};

@@ -65,7 +65,9 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
     }
     let unfinished = unfinished(&directory, &lines, cut_off, evaluations.len() + tasks.len())?;
     let mut drives = closed_loop::drives(&lines, folder, &clip_folder(folder, page)?);
-    let warnings = traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES);
+    let mut warnings: Vec<String> =
+        cut_off_files(&directory, cut_off).map(|name| cut_off_warning(&folder.join(name))).collect();
+    warnings.extend(traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES));
     let performance: Option<Performance> = json(&directory, PERFORMANCE)?;
     let run = Run {
         title: title(&manifest),
@@ -153,12 +155,8 @@ fn unfinished(
     evaluations: usize,
 ) -> Result<Option<String>> {
     let what = "This page is about the part that was recorded.";
-    for (name, cut_off) in
-        [(SCENARIOS, cut_off), (RESULTS, ends_within_a_line(&directory.path().join(RESULTS)))]
-    {
-        if cut_off {
-            return Ok(Some(format!("The last line of {name} is cut off and left out. {what}")));
-        }
+    if let Some(name) = cut_off_files(directory, cut_off).next() {
+        return Ok(Some(format!("The last line of {name} is cut off and left out. {what}")));
     }
     let summary: Option<Value> = json(directory, SUMMARY)?;
     let Some(summary) = summary else {
@@ -170,6 +168,18 @@ fn unfinished(
     let same = lines.iter().all(|line| ids.contains(line.id.to_string().as_str()))
         && known("evaluations").len() == evaluations;
     Ok((!same).then(|| format!("Its {SUMMARY} does not know all that was recorded. {what}")))
+}
+
+/// The files of a record whose last lines are cut off; of its ledger it is known.
+fn cut_off_files(directory: &RunDirectory, ledger: bool) -> impl Iterator<Item = &'static str> {
+    let files = [(SCENARIOS, ledger), (RESULTS, ends_within_a_line(&directory.path().join(RESULTS)))];
+    files.into_iter().filter_map(|(name, cut_off)| cut_off.then_some(name))
+}
+
+/// What a user should know of a ledger or a file of results whose last line is cut off.
+pub fn cut_off_warning(file: &Path) -> String {
+    let what = if file.ends_with(RESULTS) { "result" } else { "scenario" };
+    format!("the last line of {} is cut off, so its {what} is left out", file.display())
 }
 
 /// Whether a file ends within a line.

@@ -87,6 +87,7 @@ struct Method {
 
 /// Writes a map for each frame and method, and a picture of each.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    super::check_folder(&arguments.output)?;
     if arguments.curves && arguments.explain != STEERING {
         return Err(Error::new(format!(
             "--curves measures how the steering changes, which says nothing about maps of `{}`; leave one of them out",
