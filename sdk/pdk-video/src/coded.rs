@@ -73,7 +73,7 @@ fn another_matrix_is_left_to_ffmpeg_by_its_name() {
     assert!(matches!(opened, Opened::OtherCodec(_)));
 }
 
-/// A key frame of one colour of BT.709 in a stream.
+/// A key frame of one colour, as a stream has it.
 fn units(vui: Option<VuiConfig>) -> Vec<u8> {
     let config = EncoderConfig::new();
     let config = vui.into_iter().fold(config, EncoderConfig::vui);

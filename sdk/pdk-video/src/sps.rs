@@ -287,7 +287,7 @@ mod tests {
             }
         }
         bits.number(next());
-        let order = has(10) + 2 * has(11) & !(has(10) * 2);
+        let order = if has(10) == 1 { 1 } else { 2 * has(11) };
         bits.number(order);
         match order {
             0 => bits.number(next()),
