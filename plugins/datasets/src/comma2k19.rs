@@ -68,6 +68,7 @@ impl Component for Comma2k19 {
         let full_lock = "the recorded angle that is full steering to the right, in degrees of the steering wheel, such as -450; \
                          negative because the log counts to the left. It has to be set";
         Description::dataset("comma2k19", doc)
+            .version(2)
             .source("Schafer, Santana, Haden and Biasini, A Commute in Data: The comma2k19 Dataset (2018)")
             .parameter(Parameter::path(
                 "path",

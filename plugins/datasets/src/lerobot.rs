@@ -75,6 +75,7 @@ impl Component for LeRobot {
             Parameter::text(name, &doc)
         };
         let description = Description::dataset("lerobot", doc)
+            .version(2)
             .source("LeRobot, LeRobotDataset of versions 2.0, 2.1 and 3.0")
             .parameter(Parameter::path("path", "the folder"))
             .parameter(Parameter::text(

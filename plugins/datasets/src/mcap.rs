@@ -21,6 +21,7 @@ impl Component for Mcap {
     fn description() -> Description {
         let doc = "Reads an MCAP file with pictures of ROS 2 or Foxglove";
         let description = Description::dataset("mcap", doc)
+            .version(2)
             .source("MCAP format, mcap.dev; Foxglove schemas")
             .parameter(Parameter::path("path", "the file"));
         Drive::parameters().into_iter().fold(description, Description::parameter)

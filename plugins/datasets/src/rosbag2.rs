@@ -25,6 +25,7 @@ impl Component for Rosbag2 {
     fn description() -> Description {
         let doc = "Reads a ROS 2 bag: a folder with metadata.yaml and files in MCAP or SQLite";
         let description = Description::dataset("rosbag2", doc)
+            .version(2)
             .source("ROS 2, rosbag2_storage_mcap and rosbag2_storage_sqlite3")
             .parameter(Parameter::path("path", "the folder"));
         Drive::parameters().into_iter().fold(description, Description::parameter)

@@ -44,6 +44,7 @@ impl Component for Video {
         let offset = "what is added to the times of the CSV file, so that 0 is the first frame; with `auto` its first row is the first \
                       frame if its times do not begin within the video";
         let description = Description::dataset("video", doc)
+            .version(2)
             .parameter(Parameter::path("path", "the video, or a folder with one"))
             .parameter(Parameter::text("offset", offset).unit("s"))
             .parameter(

@@ -1,4 +1,5 @@
-//! Between RGB and the planes of a video: ITU-R BT.601, luma from 16 to 235, chroma at half the width and height.
+//! Between RGB and the planes of a video: ITU-R BT.601, luma from 16 to 235, chroma at half the width and height. Planes that a camera coded
+//! in another way, which a [`Coding`] names, are read as well.
 //!
 //! A chroma sample lies on an even column, halfway between two rows, which is what H.264 means if it says nothing. All sums are of whole
 //! numbers.
@@ -12,10 +13,63 @@ const BITS: u32 = 16;
 const LUMA: [i32; 3] = [16_829, 33_039, 6_416];
 /// Blue and red chroma of red, green and blue. Each sums to zero, so that grey has none.
 const CHROMA: [[i32; 3]; 2] = [[-9_714, -19_070, 28_784], [28_784, -24_103, -4_681]];
-/// What luma adds to each channel.
-const FROM_LUMA: i32 = 76_309;
-/// What red chroma adds to red, blue and red chroma to green, and blue chroma to blue.
-const FROM_CHROMA: [i32; 4] = [104_597, -25_675, -53_279, 132_201];
+/// The matrix by which the planes of a video are made of red, green and blue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Matrix {
+    /// ITU-R BT.601: 5 and 6 in ITU-T H.264, table E-5.
+    #[default]
+    Bt601,
+    /// ITU-R BT.709: 1 in that table.
+    Bt709,
+}
+
+/// How the planes of a video hold its colours. The default is BT.601 with luma from 16 to 235.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Coding {
+    /// The matrix.
+    pub matrix: Matrix,
+    /// Whether luma and chroma take all values from 0 to 255. If not, luma lies from 16 to 235 and chroma from 16 to 240.
+    pub full_range: bool,
+}
+
+/// What the planes of a coding add to red, green and blue.
+struct Coefficients {
+    /// Luma of black.
+    black: i32,
+    /// What luma adds to each channel.
+    luma: i32,
+    /// What red chroma adds to red, blue and red chroma to green, and blue chroma to blue.
+    chroma: [i32; 4],
+}
+
+const BT601: Coefficients = coefficients([2_990, 1_140], false);
+const BT601_FULL: Coefficients = coefficients([2_990, 1_140], true);
+const BT709: Coefficients = coefficients([2_126, 722], false);
+const BT709_FULL: Coefficients = coefficients([2_126, 722], true);
+
+/// By the shares of red and blue in luma, in ten-thousandths.
+const fn coefficients([red, blue]: [i64; 2], full_range: bool) -> Coefficients {
+    /// Rounds half away from zero.
+    const fn rounded(numerator: i64, denominator: i64) -> i32 {
+        let half = if numerator < 0 { -denominator } else { denominator } / 2;
+        ((numerator + half) / denominator) as i32
+    }
+    const ALL: i64 = 10_000;
+    let green = ALL - red - blue;
+    let [luma, chroma] = if full_range { [255, 255] } else { [219, 224] };
+    let one = 255 << BITS;
+    Coefficients {
+        black: if full_range { 0 } else { 16 },
+        luma: rounded(one, luma),
+        chroma: [
+            rounded(2 * (ALL - red) * one, ALL * chroma),
+            rounded(-2 * blue * (ALL - blue) * one, green * ALL * chroma),
+            rounded(-2 * red * (ALL - red) * one, green * ALL * chroma),
+            rounded(2 * (ALL - blue) * one, ALL * chroma),
+        ],
+    }
+}
+
 /// Pixels of a row that are worked on at once: an even number.
 const PART: usize = 512;
 
@@ -29,9 +83,14 @@ pub fn components(pixel: [u8; 3]) -> [u8; 3] {
 /// Red, green and blue of a pixel with this luma, blue chroma and red chroma.
 #[inline(always)]
 pub fn colour(luma: u8, blue: u8, red: u8) -> [u8; 3] {
+    coded_colour(&BT601, luma, blue, red)
+}
+
+#[inline(always)]
+fn coded_colour(coefficients: &Coefficients, luma: u8, blue: u8, red: u8) -> [u8; 3] {
     let [blue, red] = [blue, red].map(|chroma| i32::from(chroma) - 128);
-    let base = (i32::from(luma) - 16) * FROM_LUMA + (1 << (BITS - 1));
-    let [red_red, blue_green, red_green, blue_blue] = FROM_CHROMA;
+    let base = (i32::from(luma) - coefficients.black) * coefficients.luma + (1 << (BITS - 1));
+    let [red_red, blue_green, red_green, blue_blue] = coefficients.chroma;
     let sums = [base + red_red * red, base + blue_green * blue + red_green * red, base + blue_blue * blue];
     sums.map(|sum| (sum >> BITS).clamp(0, 255) as u8)
 }
@@ -56,7 +115,21 @@ pub fn from_rgb(src: Frame<'_>, [luma, blue, red]: [&mut [u8]; 3]) {
 ///
 /// # Panics
 /// If the planes have another size.
-pub fn to_rgb([luma, blue, red]: [&[u8]; 3], mut dst: FrameMut<'_>) {
+pub fn to_rgb(planes: [&[u8]; 3], dst: FrameMut<'_>) {
+    coded_to_rgb(planes, Coding::default(), dst);
+}
+
+/// As [`to_rgb`], for planes of any coding.
+///
+/// # Panics
+/// If the planes have another size.
+pub fn coded_to_rgb([luma, blue, red]: [&[u8]; 3], coding: Coding, mut dst: FrameMut<'_>) {
+    let row_to_rgb: RowToRgb = match (coding.matrix, coding.full_range) {
+        (Matrix::Bt601, false) => row_from_bt601,
+        (Matrix::Bt601, true) => row_from_bt601_full,
+        (Matrix::Bt709, false) => row_from_bt709,
+        (Matrix::Bt709, true) => row_from_bt709_full,
+    };
     let (width, height) = (dst.width(), dst.height());
     assert_planes(width, height, [luma.len(), blue.len(), red.len()]);
     let half = width.div_ceil(2);
@@ -141,18 +214,46 @@ fn chroma_row([r, g, b]: &[[u16; PART + 1]; CHANNELS], blue: &mut [u8], red: &mu
     }
 }
 
+/// Writes a row of pixels, of which it gets the luma, and of either chroma the nearer row and the one on the other side.
+type RowToRgb = fn(&[u8], [&[u8]; 2], [&[u8]; 2], &mut [u8]);
+
+// Each coding has functions of its own, so that their coefficients are constants to the compiler.
 vectorised! {
-    fn row_to_rgb / row_to_rgb_avx2 / row_to_rgb_avx512 (luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8]) {
-        let mut chroma = [[0; PART]; 2];
-        for (part, (luma, out)) in luma.chunks(PART).zip(out.chunks_mut(PART * CHANNELS)).enumerate() {
-            let [blue_wide, red_wide] = &mut chroma;
-            widen(blue, part * (PART / 2), blue_wide);
-            widen(red, part * (PART / 2), red_wide);
-            let pixels = out.chunks_exact_mut(CHANNELS).zip(luma);
-            for ((out, &luma), (&blue, &red)) in pixels.zip(blue_wide.iter().zip(&*red_wide)) {
-                let [r, g, b] = colour(luma, blue, red);
-                (out[0], out[1], out[2]) = (r, g, b);
-            }
+    fn row_from_bt601 / row_from_bt601_avx2 / row_from_bt601_avx512 (luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8]) {
+        row_to_rgb(&BT601, luma, blue, red, out);
+    }
+}
+vectorised! {
+    fn row_from_bt601_full / row_from_bt601_full_avx2 / row_from_bt601_full_avx512 (
+        luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8],
+    ) {
+        row_to_rgb(&BT601_FULL, luma, blue, red, out);
+    }
+}
+vectorised! {
+    fn row_from_bt709 / row_from_bt709_avx2 / row_from_bt709_avx512 (luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8]) {
+        row_to_rgb(&BT709, luma, blue, red, out);
+    }
+}
+vectorised! {
+    fn row_from_bt709_full / row_from_bt709_full_avx2 / row_from_bt709_full_avx512 (
+        luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8],
+    ) {
+        row_to_rgb(&BT709_FULL, luma, blue, red, out);
+    }
+}
+
+#[inline(always)]
+fn row_to_rgb(coefficients: &Coefficients, luma: &[u8], blue: [&[u8]; 2], red: [&[u8]; 2], out: &mut [u8]) {
+    let mut chroma = [[0; PART]; 2];
+    for (part, (luma, out)) in luma.chunks(PART).zip(out.chunks_mut(PART * CHANNELS)).enumerate() {
+        let [blue_wide, red_wide] = &mut chroma;
+        widen(blue, part * (PART / 2), blue_wide);
+        widen(red, part * (PART / 2), red_wide);
+        let pixels = out.chunks_exact_mut(CHANNELS).zip(luma);
+        for ((out, &luma), (&blue, &red)) in pixels.zip(blue_wide.iter().zip(&*red_wide)) {
+            let [r, g, b] = coded_colour(coefficients, luma, blue, red);
+            (out[0], out[1], out[2]) = (r, g, b);
         }
     }
 }
@@ -212,8 +313,20 @@ mod tests {
         [luma, blue, red]
     }
 
+    const CODINGS: [(Matrix, bool, Coefficients); 4] = [
+        (Matrix::Bt601, false, BT601),
+        (Matrix::Bt601, true, BT601_FULL),
+        (Matrix::Bt709, false, BT709),
+        (Matrix::Bt709, true, BT709_FULL),
+    ];
+
     /// Pixel by pixel.
-    fn plain_to_rgb([luma, blue, red]: [&[u8]; 3], width: usize, height: usize) -> FrameBuf {
+    fn plain_to_rgb(
+        coefficients: &Coefficients,
+        [luma, blue, red]: [&[u8]; 3],
+        width: usize,
+        height: usize,
+    ) -> FrameBuf {
         let (half, half_height) = (width.div_ceil(2), height.div_ceil(2));
         let mut out = FrameBuf::new(width, height);
         for y in 0..height {
@@ -227,7 +340,7 @@ mod tests {
                     };
                     ((fourfold(x / 2) + fourfold(x.div_ceil(2)) + 4) / 8) as u8
                 });
-                out.as_mut().set_pixel(x, y, colour(luma[y * width + x], blue, red));
+                out.as_mut().set_pixel(x, y, coded_colour(coefficients, luma[y * width + x], blue, red));
             }
         }
         out
@@ -247,8 +360,49 @@ mod tests {
         let half = width.div_ceil(2) * height.div_ceil(2);
         let [luma, blue] = [&bytes[..width * height], &bytes[width * height..][..half]];
         let planes = [luma, blue, &bytes[bytes.len() - half..]];
-        let result = run(width, height, |dst| to_rgb(planes, dst));
-        assert_eq!(result, plain_to_rgb(planes, width, height), "{width} x {height}");
+        for (matrix, full_range, coefficients) in &CODINGS {
+            let coding = Coding { matrix: *matrix, full_range: *full_range };
+            let result = run(width, height, |dst| coded_to_rgb(planes, coding, dst));
+            assert_eq!(
+                result,
+                plain_to_rgb(coefficients, planes, width, height),
+                "{coding:?}, {width} x {height}"
+            );
+        }
+        assert_eq!(
+            run(width, height, |dst| to_rgb(planes, dst)),
+            run(width, height, |dst| coded_to_rgb(planes, Coding::default(), dst))
+        );
+    }
+
+    #[test]
+    fn the_coefficients_of_the_default_are_those_of_bt_601() {
+        assert_eq!(
+            (BT601.black, BT601.luma, BT601.chroma),
+            (16, 76_309, [104_597, -25_675, -53_279, 132_201])
+        );
+    }
+
+    /// ITU-T H.264, equations E-20 to E-27, solved for red, green and blue.
+    #[test]
+    fn colours_of_each_coding_are_within_a_level_of_the_standard() {
+        for (matrix, full_range, coefficients) in &CODINGS {
+            let [kr, kb] = if *matrix == Matrix::Bt601 { [0.299, 0.114] } else { [0.2126, 0.0722] };
+            let [black, of_luma, of_chroma] =
+                if *full_range { [0.0, 255.0, 255.0] } else { [16.0, 219.0, 224.0] };
+            for values in (0..256 * 256 * 256).step_by(37) {
+                let [luma, blue, red] = [values >> 16, values >> 8, values].map(|value| value as u8);
+                let y = (f64::from(luma) - black) / of_luma;
+                let [pb, pr] = [blue, red].map(|chroma| (f64::from(chroma) - 128.0) / of_chroma);
+                let (r, b) = (y + 2.0 * (1.0 - kr) * pr, y + 2.0 * (1.0 - kb) * pb);
+                let wanted = [r, (y - kr * r - kb * b) / (1.0 - kr - kb), b];
+                let found = coded_colour(coefficients, luma, blue, red);
+                for (wanted, found) in wanted.into_iter().zip(found) {
+                    let off = (f64::from(found) - (255.0 * wanted).clamp(0.0, 255.0)).abs();
+                    assert!(off < 0.6, "{matrix:?} {full_range} {luma} {blue} {red}: {off}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The picture of a video, from RGB and back by [`yuv`].
 
-use pdk_sdk::ops::yuv;
+use pdk_sdk::ops::yuv::{self, Coding};
 use pdk_sdk::prelude::*;
 
 /// A picture as a video has it: luma, then blue chroma and red chroma, each without gaps between its rows.
@@ -12,12 +12,14 @@ pub struct Yuv420 {
     pub height: usize,
     /// The three planes; those of chroma have half the width and height, rounded up.
     pub data: Vec<u8>,
+    /// How the planes hold colours.
+    pub coding: Coding,
 }
 
 impl Yuv420 {
-    /// Takes a size, and makes room for the planes.
+    /// Takes a size and the coding of BT.601 with luma from 16 to 235, and makes room for the planes.
     pub fn reset(&mut self, width: usize, height: usize) {
-        (self.width, self.height) = (width, height);
+        (self.width, self.height, self.coding) = (width, height, Coding::default());
         self.data.resize(width * height + 2 * width.div_ceil(2) * height.div_ceil(2), 0);
     }
 
@@ -47,7 +49,7 @@ impl Yuv420 {
     /// If the frame has another size.
     pub fn to_rgb(&self, into: FrameMut<'_>) {
         assert_eq!((into.width(), into.height()), (self.width, self.height), "a frame of another size");
-        yuv::to_rgb(self.planes(), into);
+        yuv::coded_to_rgb(self.planes(), self.coding, into);
     }
 }
 

@@ -28,6 +28,9 @@ pub const MOST: usize = 1 << 22;
 /// Frames without alpha have colours at half their size, as clips before a screen have mostly; those with alpha keep all.
 const FORMATS_OF_FRAMES: &str = "format=yuv420p|yuva444p";
 
+/// The matrix and the range of the frames, whatever those of the clip are. Nothing changes if the clip names none.
+const CODING_OF_FRAMES: &str = "scale=out_color_matrix=bt601:out_range=tv";
+
 /// A running `ffmpeg` and its output.
 pub struct Ffmpeg {
     process: Process,
@@ -51,7 +54,12 @@ impl Ffmpeg {
     /// If there is no such program, or it cannot decode the clip.
     pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
         let [option, value] = each_once(program);
-        Self::run(command(program, clip, None)?, codec, &[option, value, "-pix_fmt", "yuv420p"], false)
+        Self::run(
+            command(program, clip, None)?,
+            codec,
+            &[option, value, "-vf", CODING_OF_FRAMES, "-pix_fmt", "yuv420p"],
+            false,
+        )
     }
 
     /// Starts `program` on a clip that may have an alpha channel. As many frames come a second as the clip has on average: ffmpeg repeats and
@@ -76,7 +84,7 @@ impl Ffmpeg {
             // The colours of a clip with alpha are not keyed, so they have to be those that its maker saw.
             true => {
                 drop(decoded);
-                run(&format!("scale=out_color_matrix=bt601:out_range=tv,{FORMATS_OF_FRAMES}"))
+                run(&format!("{CODING_OF_FRAMES},{FORMATS_OF_FRAMES}"))
             }
             false => Ok(decoded),
         }

@@ -3,11 +3,16 @@
 //! [`Video`] opens any: [`Reader`] decodes H.264 in MP4 files, and [`Ffmpeg`] leaves the others to the program of that name.
 //! [`Recoding`] writes one again with other pictures, in the same way.
 //!
-//! [`Writer`] is deterministic: the same frames give the same bytes. Colours are those of ITU-R BT.601 with luma from 16 to
-//! 235.
+//! [`Writer`] is deterministic: the same frames give the same bytes. It writes colours by ITU-R BT.601 with luma from 16 to 235.
+//!
+//! [`Reader`] and [`Stream`] read the matrix and the range of colours from the stream (ITU-T H.264, annex E): BT.601 or BT.709, limited or
+//! full. A stream that names none has BT.601 with luma from 16 to 235. Files with another matrix are left to ffmpeg, which converts
+//! everything that it decodes to BT.601 with luma from 16 to 235.
 
 mod assembly;
 mod boxes;
+#[cfg(test)]
+mod coded;
 mod container;
 mod convert;
 mod encoder;
@@ -19,6 +24,7 @@ mod process;
 mod reader;
 mod recode;
 mod sample;
+mod sps;
 #[cfg(test)]
 mod stand_in;
 mod stream;

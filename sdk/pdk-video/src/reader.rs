@@ -12,10 +12,14 @@ use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
 use crate::index::{Index, Indexed, index};
+use crate::sps::{Colours, colours};
 use crate::turn::turn;
 
 /// Goes before every unit of a stream that is not in a container (ITU-T H.264, annex B).
 pub const START_CODE: [u8; 4] = [0, 0, 0, 1];
+
+/// Options by which ffmpeg converts colours to those that [`Writer`](crate::Writer) writes.
+const BT601: &str = "-vf scale=out_color_matrix=bt601:out_range=tv";
 
 /// Reads from a file or from memory.
 pub trait Input: Read + Seek + Send {}
@@ -44,6 +48,8 @@ pub struct Reader {
     turned: Yuv420,
     /// Parameter sets of the stream, with start codes.
     headers: Vec<u8>,
+    /// What they say about colours, which holds for the whole file.
+    colours: Colours,
     packet: Vec<u8>,
     /// Frames that the decoder gave back at the end.
     rest: Option<VecDeque<Yuv420>>,
@@ -96,7 +102,7 @@ impl Reader {
             false => Box::new(0..count),
         };
         let from = index.timing.skipped;
-        Ok(Opened::Frames(Box::new(Self {
+        let mut reader = Box::new(Self {
             input,
             index,
             decoder: new_decoder()?,
@@ -104,11 +110,20 @@ impl Reader {
             decoded: 0,
             from,
             turned: Yuv420::default(),
+            colours: colours(&headers).unwrap_or_default(),
             headers,
             packet: Vec::new(),
             rest: None,
             alone: few,
-        })))
+        });
+        // The sets may also lie with the frames. What is wrong with the first one, reading it reports.
+        if reader.read_packet(0).is_ok() {
+            reader.colours = colours(&reader.packet).unwrap_or(reader.colours);
+        }
+        Ok(match reader.colours.coding() {
+            Ok(_) => Opened::Frames(reader),
+            Err(what) => Opened::OtherCodec(what),
+        })
     }
 
     /// Goes to a frame, so that [`next`](Self::next) reads it: decoding begins at the last frame before it at which it can.
@@ -158,9 +173,11 @@ impl Reader {
 
     fn take_rest(&mut self) -> Result<VecDeque<Yuv420>> {
         let frames = self.decoder.flush_remaining().map_err(|error| damaged(&error))?;
+        let coding = self.colours.coding().unwrap_or_default();
         let copy = |frame: &DecodedYUV<'_>| {
             let mut picture = Yuv420::default();
             copy_planes(frame, &mut picture);
+            picture.coding = coding;
             picture
         };
         Ok(frames.iter().map(copy).collect())
@@ -192,12 +209,20 @@ impl Reader {
     fn decode(&mut self, into: &mut Yuv420) -> Result<bool> {
         while let Some(sample) = self.samples.next() {
             self.read_packet(sample)?;
+            if colours(&self.packet).is_some_and(|colours| colours != self.colours) {
+                return Err(Error::new(format!(
+                    "its H.264 changes the matrix or the range of its colours at frame {}; convert it, such as with `ffmpeg -i VIDEO {BT601} \
+                     -c:v libx264 -pix_fmt yuv420p OUT.mp4`",
+                    sample + 1
+                )));
+            }
             if self.alone {
                 self.decoder = new_decoder()?;
             }
             let decoded = self.decoder.decode(&self.packet).map_err(|error| damaged(&error))?;
             if let Some(frame) = decoded {
                 copy_planes(&frame, into);
+                into.coding = self.colours.coding().unwrap_or_default();
                 return Ok(true);
             }
             if self.alone
@@ -287,7 +312,7 @@ pub fn container(head: &[u8]) -> Option<Container> {
 /// The error for a video of another kind, which the sentence part names.
 pub fn only_h264(kind: &str) -> Error {
     Error::new(format!(
-        "it is {kind}, but only H.264 in MP4 can be read; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 \
+        "it is {kind}, but only H.264 in MP4 can be read; convert it, such as with `ffmpeg -i VIDEO {BT601} -c:v libx264 \
          -pix_fmt yuv420p OUT.mp4`"
     ))
 }

@@ -7,9 +7,14 @@ use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
 use crate::reader::copy_planes;
+use crate::sps::{Colours, colours};
 
 /// Decodes a stream whose pictures are shown in the order in which they come.
-pub struct Stream(Decoder);
+pub struct Stream {
+    decoder: Decoder,
+    /// What the last parameter sets say about colours.
+    colours: Colours,
+}
 
 impl Stream {
     /// Begins with a picture that can be decoded on its own.
@@ -19,17 +24,26 @@ impl Stream {
     pub fn new() -> Result<Self> {
         let config = DecoderConfig::new().flush_after_decode(Flush::Flush);
         let decoder = Decoder::with_api_config(OpenH264API::from_source(), config);
-        Ok(Self(decoder.map_err(|error| Error::new(format!("the H.264 decoder does not start: {error}")))?))
+        let decoder =
+            decoder.map_err(|error| Error::new(format!("the H.264 decoder does not start: {error}")))?;
+        Ok(Self { decoder, colours: Colours::default() })
     }
 
     /// Decodes the units of one picture.
     ///
     /// # Errors
-    /// If they are damaged, or make none.
+    /// If they are damaged, make none, or code colours by a matrix that is not read.
     pub fn decode(&mut self, units: &[u8], into: &mut Yuv420) -> Result<()> {
-        match self.0.decode(units) {
+        self.colours = colours(units).unwrap_or(self.colours);
+        let coding = self.colours.coding().map_err(|what| {
+            Error::new(format!(
+                "it is {what}, and only the matrices of BT.601 and BT.709 are read; encode the topic again with one of them"
+            ))
+        })?;
+        match self.decoder.decode(units) {
             Ok(Some(picture)) if picture.dimensions().0 > 0 => {
                 copy_planes(&picture, into);
+                into.coding = coding;
                 Ok(())
             }
             Ok(_) => Err(Error::new(

@@ -33,6 +33,7 @@ pub fn turn(picture: &mut Yuv420, quarters: u8, turned: &mut Yuv420) {
     for ((from, to), size) in picture.planes().into_iter().zip(turned.planes_mut()).zip(sizes) {
         turn_plane(from, size, quarters % 4, to);
     }
+    turned.coding = picture.coding;
     std::mem::swap(picture, turned);
 }
 
