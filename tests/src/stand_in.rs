@@ -63,10 +63,12 @@ impl Taken {
     /// Goes on to the next block that no process has.
     fn block(&mut self) {
         let folder = std::env::temp_dir().join("pdk-test-ports");
-        std::fs::create_dir_all(&folder).unwrap();
+        // If it cannot be made, neither can the files in it.
+        let _ = std::fs::create_dir_all(&folder);
         let begin = (std::process::id() % u32::from(BLOCKS)) as u16;
         for number in (begin..BLOCKS).chain(0..begin) {
-            let lock = File::create(folder.join(number.to_string())).unwrap();
+            // Another user of this machine may have made it.
+            let Ok(lock) = File::create(folder.join(number.to_string())) else { continue };
             if lock.try_lock().is_ok() {
                 self.locks.push(lock);
                 self.next = FIRST + number * BLOCK;
@@ -74,7 +76,7 @@ impl Taken {
                 return;
             }
         }
-        panic!("all ports for tests are taken");
+        panic!("all ports for tests are taken, or no files can be made in {}", folder.display());
     }
 }
 

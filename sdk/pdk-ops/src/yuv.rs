@@ -13,6 +13,7 @@ const BITS: u32 = 16;
 const LUMA: [i32; 3] = [16_829, 33_039, 6_416];
 /// Blue and red chroma of red, green and blue. Each sums to zero, so that grey has none.
 const CHROMA: [[i32; 3]; 2] = [[-9_714, -19_070, 28_784], [28_784, -24_103, -4_681]];
+
 /// The matrix by which the planes of a video are made of red, green and blue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Matrix {

@@ -24,8 +24,8 @@ pub const API: ApiTable = ApiTable {
             name: "settings",
             signature: "<T>(defaults: T) -> T",
             doc: "Declares the settings of the pipeline with their defaults, and returns them with what `--set` puts in \
-                  their place. May be called once. To read one that was not declared is an error. `seed` and the other settings of every run, which `pdk run --help` lists, are \
-                  there in every pipeline.",
+                  their place. May be called once. To read one that was not declared is an error. `seed` and the other \
+                  settings of every run, which `pdk run --help` lists, are there in every pipeline.",
             make: |lua| lua.create_function(|lua, defaults: LuaValue| settings(lua, &defaults)),
         },
         ApiFunction {

@@ -354,9 +354,8 @@ impl<N> Part<N> {
     }
 }
 
-/// Places as rows, where lanes are better those than outputs: if there are few outputs, or their number fills registers badly, and all rows
-/// are wide. `step` is how far apart the
-/// outputs of neighbouring places are.
+/// Places as rows, if they are better as lanes than outputs: there are few outputs, or their number fills registers badly, and all rows are
+/// wide. `step` is how far apart the outputs of neighbouring places are.
 fn by_rows(places: Vec<Place>, filters: usize, step: usize) -> Places {
     let follows = |before: &Place, after: &Place| {
         after.from == before.from + 1 && after.to as usize == before.to as usize + step

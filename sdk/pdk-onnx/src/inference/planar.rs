@@ -161,20 +161,31 @@ impl<N: Number> Work<N> for Sums<'_, N> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::lanes::{Portable, multiply_add};
     use super::*;
     use crate::testing::numbers;
 
-    #[test]
-    fn sums_are_those_of_the_definition_whatever_the_width() {
-        let draw =
-            |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
-        for (outputs, taps, width) in [(1, 9, 8), (2, 9, 37), (3, 5, 100), (4, 7, 33), (7, 25, 47)] {
+    /// Three rows of drawn numbers, weights, and what the definition says of them.
+    pub struct Drawn {
+        pub input: Vec<f32>,
+        pub weights: Vec<f32>,
+        pub start: Vec<f32>,
+        pub taps: Vec<u32>,
+        pub rows: Rows,
+        /// How far apart the outputs of a place lie.
+        pub apart: usize,
+        pub expected: Vec<f32>,
+    }
+
+    impl Drawn {
+        pub fn new(outputs: usize, taps: usize, width: usize) -> Self {
+            let draw = |seed, count| -> Vec<f32> {
+                numbers(seed, count).iter().map(|&value| value as f32).collect()
+            };
             let (height, length) = (3, width + taps);
             let input = draw(1, height * length);
             let (weights, start) = (draw(2, outputs * taps), draw(3, outputs));
-            let offsets: Vec<u32> = (0..taps as u32).collect();
             let row = |row: usize| Row { from: (row * length) as u32, to: (row * width) as u32 };
             let rows = Rows { rows: (0..height).map(row).collect(), width, step: 1 };
             let mut expected = vec![0.0; outputs * height * width];
@@ -187,14 +198,24 @@ mod tests {
                     });
                 }
             }
+            let offsets = (0..taps as u32).collect();
+            Self { input, weights, start, taps: offsets, rows, apart: height * width, expected }
+        }
+    }
+
+    #[test]
+    fn sums_are_those_of_the_definition_whatever_the_width() {
+        for (outputs, taps, width) in [(1, 9, 8), (2, 9, 37), (3, 5, 100), (4, 7, 33), (7, 25, 47)] {
+            let Drawn { input, weights, start, taps: offsets, rows, apart, expected } =
+                &Drawn::new(outputs, taps, width);
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
             let mut found = vec![0.0; expected.len()];
-            sum(&input, &packed, &offsets, &rows, height * width, &mut found);
-            assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide");
+            sum(input, &packed, offsets, rows, *apart, &mut found);
+            assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide");
             found.fill(0.0);
-            let (input, weights, taps, rows, apart) = (&input, &packed, &offsets, &rows, height * width);
-            Sums { input, weights, taps, rows, apart, into: &mut found }.with::<Portable>();
-            assert_eq!(found, expected, "{outputs} outputs, {} taps, {width} wide, portable", taps.len());
+            let (weights, apart) = (&packed, *apart);
+            Sums { input, weights, taps: offsets, rows, apart, into: &mut found }.with::<Portable>();
+            assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide, portable");
         }
     }
 }

@@ -158,38 +158,22 @@ impl<N: Number> Work<N> for Sums<'_, N> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::{Level, limited, multiply_add};
+    use super::super::lanes::{Level, limited};
+    use super::super::planar::tests::Drawn;
     use super::*;
-    use crate::testing::numbers;
 
     #[test]
     fn sums_are_those_of_the_definition_whatever_the_width_and_the_processor() {
-        let draw =
-            |seed, count| -> Vec<f32> { numbers(seed, count).iter().map(|&value| value as f32).collect() };
         for (outputs, taps, width) in
             [(8, 0, 16), (9, 1, 17), (10, 9, 31), (11, 5, 33), (24, 7, 98), (28, 25, 47), (36, 11, 80)]
         {
-            let (height, length) = (3, width + taps);
-            let input = draw(1, height * length);
-            let (weights, start) = (draw(2, outputs * taps), draw(3, outputs));
-            let offsets: Vec<u32> = (0..taps as u32).collect();
-            let row = |row: usize| Row { from: (row * length) as u32, to: (row * width) as u32 };
-            let rows = Rows { rows: (0..height).map(row).collect(), width, step: 1 };
-            let mut expected = vec![0.0; outputs * height * width];
-            for (output, plane) in expected.chunks_mut(height * width).enumerate() {
-                for (at, value) in plane.iter_mut().enumerate() {
-                    let from = at / width * length + at % width;
-                    let products = weights[output * taps..][..taps].iter().enumerate();
-                    *value = products.fold(start[output], |sum, (tap, weight)| {
-                        multiply_add(input[from + tap], *weight, sum)
-                    });
-                }
-            }
+            let Drawn { input, weights, start, taps: offsets, rows, apart, expected } =
+                &Drawn::new(outputs, taps, width);
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
             for level in [Level::Portable, Level::Avx, Level::Avx512] {
                 let mut found = vec![0.0; expected.len()];
-                limited(level, || sum(&input, &packed, &offsets, &rows, height * width, &mut found));
-                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide, {level:?}");
+                limited(level, || sum(input, &packed, offsets, rows, *apart, &mut found));
+                assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide, {level:?}");
             }
         }
     }

@@ -6,7 +6,7 @@ use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
 use crate::order::lesser;
 use crate::site::{Site, axes};
-use crate::tensor::{Tensor, elements};
+use crate::tensor::{Element, Tensor, elements};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
@@ -45,7 +45,7 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
         let length = shape[axis] as f64;
         let (scale, size) = match (&scales, &sizes) {
             // Of 10 elements by 0.7, the product of 32-bit floats is 7, and that of the same numbers as 64-bit floats is less.
-            (Some(scales), _) => (scales[place], single(length * scales[place]).floor()),
+            (Some(scales), _) => (scales[place], Element::FLOAT.rounded(length * scales[place]).floor()),
             (None, Some(sizes)) => (sizes[place] as f64 / length, sizes[place] as f64),
             (None, None) => (1.0, length),
         };
@@ -59,11 +59,6 @@ pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
 
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![Fact::new(site.fact(0)?.element, scales(site)?.into_iter().map(|(_, size)| size).collect())])
-}
-
-/// The nearest 32-bit float.
-fn single(value: f64) -> f64 {
-    f64::from(value as f32)
 }
 
 /// Where the middle of an element of the result lies among the elements of the input. Each result of a calculation is rounded by `round`.
@@ -111,7 +106,8 @@ fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec
     let mode = site.text("mode", "nearest");
     // Which element is nearest is decided with 32-bit floats, as in ONNX Runtime: 3 / 0.6 is 5 there, while 0.6 as a 32-bit float is more
     // than 0.6, and with 64 bits the quotient is less than 5.
-    let round: fn(f64) -> f64 = if mode == "nearest" { single } else { std::convert::identity };
+    let round =
+        if mode == "nearest" { |value| Element::FLOAT.rounded(value) } else { std::convert::identity };
     let row = |at: usize| {
         let x = origin(site, at, scale, length, size, round)?;
         let mut row = vec![0.0; length];
@@ -193,7 +189,7 @@ fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> 
     }
     if image.element.is_integer() {
         // Integers are cut. As 32-bit floats, weights whose sum is nearly 1 leave whole numbers whole.
-        let cut = |value: f64| image.element.saturated(f64::from(value as f32).trunc());
+        let cut = |value: f64| image.element.saturated(Element::FLOAT.rounded(value).trunc());
         image.values.iter_mut().for_each(|value| *value = cut(*value));
     }
     Ok(vec![image])

@@ -6,7 +6,7 @@ use super::inputs::taken;
 use super::operator::{Operator, Rule};
 use crate::order::{further, greater};
 use crate::site::Site;
-use crate::tensor::{Tensor, elements};
+use crate::tensor::{Element, Tensor, elements};
 use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("RoiAlign", infer, evaluate, Rule::Unknown)];
@@ -76,7 +76,7 @@ impl Bins {
             ratio if ratio > 0 => ratio as f64,
             // With 32-bit floats, as in ONNX Runtime: a scale of 0.8 is a little more than 0.8, which would be a place more.
             _ => {
-                let single = |value: f64| f64::from(value as f32);
+                let single = |value| Element::FLOAT.rounded(value);
                 let [from, to] = ends.map(|end| single(single(end * scale) - shift));
                 let length = if is_shifted { single(to - from) } else { greater(1.0, single(to - from)) };
                 greater(0.0, single(length / bins as f64).ceil())
