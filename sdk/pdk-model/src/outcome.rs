@@ -48,6 +48,29 @@ impl Verdict {
     }
 }
 
+/// The sentence about a driver whose drives without perturbation came out like this; none if none of them failed. Drives that say nothing
+/// about the driver do not count. `driver` is what the sentence calls it.
+pub fn failing_unperturbed(driver: &str, drives: impl IntoIterator<Item = Verdict>) -> Option<String> {
+    let (mut judged, mut failed, mut late) = (0, 0, 0);
+    for verdict in drives.into_iter().filter(|verdict| *verdict != Verdict::Void) {
+        judged += 1;
+        failed += usize::from(verdict.failed());
+        late += usize::from(verdict == Verdict::Late);
+    }
+    let of = match judged {
+        1 => "its only drive".to_owned(),
+        judged => format!("{failed} of {judged} drives"),
+    };
+    let fails = match late {
+        _ if failed == 0 => return None,
+        0 => format!("fails {of} without any perturbation"),
+        late if late == failed => format!("runs out of time in {of} without any perturbation"),
+        late => format!("fails {of} without any perturbation, {late} of them because the time ran out"),
+    };
+    let remedy = if late > 0 { "; raise `duration`" } else { "" };
+    Some(format!("{driver} {fails}, so its failures under perturbations say little about these{remedy}."))
+}
+
 impl Cause {
     /// What it says about the driver.
     pub fn verdict(self) -> Verdict {
@@ -181,5 +204,25 @@ mod tests {
         assert_eq!(Cause::LaneDeparture.verdict(), Verdict::Unsafe);
         let failed = [Verdict::Passed, Verdict::Unsafe, Verdict::Stopped, Verdict::Void].map(Verdict::failed);
         assert_eq!(failed, [false, true, true, false]);
+    }
+
+    #[test]
+    fn a_driver_that_runs_out_of_time_is_not_called_bad() {
+        use Verdict::{Late, Passed, Unsafe};
+        assert_eq!(failing_unperturbed("Driver `x`", [Passed, Passed]), None);
+        let sentence =
+            |drives: &[Verdict]| failing_unperturbed("Driver `x`", drives.iter().copied()).unwrap();
+        assert_eq!(
+            sentence(&[Unsafe]),
+            "Driver `x` fails its only drive without any perturbation, so its failures under perturbations say little about these."
+        );
+        assert_eq!(
+            sentence(&[Late, Passed]),
+            "Driver `x` runs out of time in 1 of 2 drives without any perturbation, so its failures under perturbations say little about \
+             these; raise `duration`."
+        );
+        assert!(sentence(&[Late, Unsafe]).starts_with(
+            "Driver `x` fails 2 of 2 drives without any perturbation, 1 of them because the time ran out, so"
+        ));
     }
 }

@@ -127,6 +127,25 @@ fn a_scenario_that_a_worker_understands_otherwise_is_not_driven() {
     assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 0);
 }
 
+/// A pool that puts the script of a driver elsewhere changes the scenario for the worker, and says so.
+#[test]
+fn a_scenario_whose_files_were_moved_is_driven_and_its_trace_has_the_id_of_the_session() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let out = folder.path().join("out");
+    let moved = format!("sed -u 's/\"scenario\":\"..../\"moved\":true,\"scenario\":\"0000/' | {}", pool(1));
+    run(&script, &out).args(["--pool", &moved]).succeed();
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert!(!lines.is_empty());
+    for line in lines {
+        let id = line["id"].as_str().unwrap();
+        let trace = std::fs::read(trace(&out, &line)).unwrap();
+        let asked = format!("0000{}", &id[4..]);
+        let has = |id: &str| trace.windows(id.len()).any(|window| window == id.as_bytes());
+        assert!(has(&asked) && !has(id), "{id}");
+    }
+}
+
 #[test]
 fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     let folder = temp();

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use pdk_model::outcome::Verdict;
+use pdk_model::outcome::{Verdict, failing_unperturbed};
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::Result;
 use pdk_session::session::{Ticket, WrittenOutcome};
@@ -87,13 +87,10 @@ impl Scenarios {
         let mut drivers: BTreeMap<&str, BTreeMap<ScenarioId, Verdict>> = BTreeMap::new();
         for (submitted, came) in shown() {
             let Some(driver) = &submitted.unperturbed else { continue };
-            let verdict = came.outcome.read()?.cause.verdict();
-            if verdict != Verdict::Void {
-                drivers.entry(driver).or_default().insert(submitted.id, verdict);
-            }
+            drivers.entry(driver).or_default().insert(submitted.id, came.outcome.read()?.cause.verdict());
         }
         let sentence = |(driver, drives): (&str, BTreeMap<_, _>)| {
-            failing(driver, &drives.into_values().collect::<Vec<_>>())
+            failing_unperturbed(&format!("Driver `{driver}`"), drives.into_values())
         };
         Ok(drivers.into_iter().filter_map(sentence).collect())
     }
@@ -108,49 +105,5 @@ impl Scenarios {
             }
         }
         failed.into_values().collect()
-    }
-}
-
-/// The sentence about a driver whose drives without perturbation came out like this; none if it does not fail.
-fn failing(driver: &str, drives: &[Verdict]) -> Option<String> {
-    let failed = drives.iter().filter(|verdict| verdict.failed()).count();
-    let late = drives.iter().filter(|verdict| **verdict == Verdict::Late).count();
-    let of = match drives.len() {
-        1 => "its only drive".to_owned(),
-        all => format!("{failed} of {all} drives"),
-    };
-    let fails = match late {
-        _ if failed == 0 => return None,
-        0 => format!("fails {of} without any perturbation"),
-        late if late == failed => format!("runs out of time in {of} without any perturbation"),
-        late => format!("fails {of} without any perturbation, {late} of them because the time ran out"),
-    };
-    let remedy = if late > 0 { "; raise `duration`" } else { "" };
-    Some(format!(
-        "Driver `{driver}` {fails}, so its failures under perturbations say little about these{remedy}."
-    ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_driver_that_runs_out_of_time_is_not_called_bad() {
-        use Verdict::{Late, Passed, Unsafe};
-        assert_eq!(failing("x", &[Passed, Passed]), None);
-        let sentence = |drives: &[Verdict]| failing("x", drives).unwrap();
-        assert_eq!(
-            sentence(&[Unsafe]),
-            "Driver `x` fails its only drive without any perturbation, so its failures under perturbations say little about these."
-        );
-        assert_eq!(
-            sentence(&[Late, Passed]),
-            "Driver `x` runs out of time in 1 of 2 drives without any perturbation, so its failures under perturbations say little about \
-             these; raise `duration`."
-        );
-        assert!(sentence(&[Late, Unsafe]).starts_with(
-            "Driver `x` fails 2 of 2 drives without any perturbation, 1 of them because the time ran out, so"
-        ));
     }
 }

@@ -1,5 +1,6 @@
 //! The sentences on top of the page: what breaks the driver, from which level on, and how sure that is.
 
+use pdk_model::outcome::failing_unperturbed;
 use pdk_statistics::CONFIDENCE;
 use pdk_statistics::share::share;
 
@@ -16,7 +17,7 @@ const NAMED: usize = 3;
 
 /// The sentences about these drives.
 pub fn verdict(drives: &[Drive]) -> Vec<String> {
-    let mut sentences: Vec<String> = drives.iter().filter_map(failing_unperturbed).collect();
+    let mut sentences: Vec<String> = drives.iter().filter_map(about_nominal).collect();
     let all = || drives.iter().flat_map(|drive| &drive.scenarios);
     let tally = Tally::of(all());
     if drives.len() <= TOGETHER {
@@ -109,33 +110,15 @@ fn listed(words: &[String]) -> String {
     }
 }
 
-/// A sentence about a driver that fails without perturbation, where others of its drives are perturbed.
-fn failing_unperturbed(drive: &Drive) -> Option<String> {
+/// A sentence about a driver that fails without perturbation, if others of its drives are perturbed.
+fn about_nominal(drive: &Drive) -> Option<String> {
     let of = |perturbed: bool| {
-        Tally::of(drive.scenarios.iter().filter(|scenario| scenario.perturbation.is_some() == perturbed))
+        drive.scenarios.iter().filter(move |scenario| scenario.perturbation.is_some() == perturbed)
     };
-    let nominal = of(false);
-    if nominal.failed == 0 || of(true).judged == 0 {
+    if Tally::of(of(true)).judged == 0 {
         return None;
     }
-    let failed = match nominal.judged {
-        1 => "its only drive".to_owned(),
-        judged => format!("{} of {judged} drives", nominal.failed),
-    };
-    let driver = &drive.driver;
-    Some(match (nominal.late, nominal.failed - nominal.late) {
-        (0, _) => format!(
-            "{driver} fails {failed} without any perturbation, so its failures under perturbations say little about these."
-        ),
-        (_, 0) => format!(
-            "{driver} runs out of time in {failed} without any perturbation, so its failures under perturbations say little about these; raise \
-             `duration`."
-        ),
-        (late, _) => format!(
-            "{driver} fails {failed} without any perturbation, {late} of them because the time ran out, so its failures under perturbations \
-             say little about these; raise `duration`."
-        ),
-    })
+    failing_unperturbed(&drive.driver, of(false).map(|scenario| scenario.verdict))
 }
 
 /// The worst perturbation over several drives, or if there are no levels.
