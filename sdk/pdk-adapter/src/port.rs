@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use pdk_sdk::cache::cache;
@@ -31,14 +32,18 @@ impl Claim {
     /// # Errors
     /// If another process has it, or its file cannot be made.
     pub fn new(host: &str, port: u16) -> Result<Self> {
-        let folder = cache()?.folder.join("ports");
+        Self::within(&cache()?.folder.join("ports"), host, port)
+    }
+
+    /// Takes it, with its file in this folder.
+    fn within(folder: &Path, host: &str, port: u16) -> Result<Self> {
         let name: String =
             host.chars().map(|c| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' }).collect();
         let path = folder.join(format!("{name}-{port}"));
         let cannot = |error: std::io::Error| {
             Error::of(ErrorKind::Configuration, format!("cannot write {}: {error}", path.display()))
         };
-        fs::create_dir_all(&folder).map_err(cannot)?;
+        fs::create_dir_all(folder).map_err(cannot)?;
         let mut lock = OpenOptions::new()
             .read(true)
             .write(true)
@@ -84,13 +89,14 @@ mod tests {
 
     #[test]
     fn a_port_has_one_owner_at_a_time() {
-        // Nothing listens at port 9.
-        let first = Claim::new("nowhere.invalid", 9).unwrap();
-        assert!(Claim::new("nowhere.invalid", 10).is_ok());
-        let error = Claim::new("nowhere.invalid", 9).unwrap_err();
+        let folder = tempfile::tempdir().unwrap();
+        let claim = |port| Claim::within(folder.path(), "nowhere.invalid", port);
+        let first = claim(9).unwrap();
+        assert!(claim(10).is_ok());
+        let error = claim(9).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Lost);
         assert!(error.message().contains(&format!("pdk ({})", std::process::id())), "{error}");
         drop(first);
-        assert!(Claim::new("nowhere.invalid", 9).is_ok());
+        assert!(claim(9).is_ok());
     }
 }
