@@ -137,6 +137,11 @@ pub trait Operation: Send {
         0
     }
 
+    /// Makes results below 0 become 0 from now on, as `Relu` does. Returns false, and changes nothing, if it cannot.
+    fn cut(&mut self) -> bool {
+        false
+    }
+
     /// Whether what it computes are elements of their type already.
     fn is_rounded(&self) -> bool {
         false

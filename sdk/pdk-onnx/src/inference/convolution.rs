@@ -35,6 +35,8 @@ pub struct Convolution<N = f32> {
     is_constant: bool,
     bias: Option<Vec<N>>,
     transposed: bool,
+    /// Whether results below 0 become 0.
+    is_cut: bool,
 }
 
 /// Outputs that are sums over the same taps.
@@ -252,6 +254,7 @@ impl<N: Number> Convolution<N> {
             is_constant: false,
             bias: None,
             transposed,
+            is_cut: false,
         })
     }
 
@@ -403,13 +406,13 @@ impl<N: Number> Convolution<N> {
             for part in &self.parts {
                 match (&part.weights[group], &part.places) {
                     (Weights::Outputs(packed), Places::Each(places)) => {
-                        product::sum(input, packed, &part.taps, places, plane, into);
+                        product::sum(input, packed, &part.taps, places, plane, self.is_cut, into);
                     }
                     (Weights::Places(weights), Places::Rows(rows)) => {
-                        planar::sum(input, weights, &part.taps, rows, plane, into);
+                        planar::sum(input, weights, &part.taps, rows, plane, self.is_cut, into);
                     }
                     (Weights::Wide(weights), Places::Wide(rows)) => {
-                        wide::sum(input, weights, &part.taps, rows, plane, into);
+                        wide::sum(input, weights, &part.taps, rows, plane, self.is_cut, into);
                     }
                     _ => {
                         return Err(Error::new(
@@ -439,5 +442,10 @@ impl Operation for Convolution {
             self.pack(weights, &bias);
         }
         self.convolve(single(inputs, 0)?, outputs[0].single_mut()?)
+    }
+
+    fn cut(&mut self) -> bool {
+        self.is_cut = true;
+        true
     }
 }

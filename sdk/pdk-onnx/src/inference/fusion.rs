@@ -13,6 +13,7 @@ use super::buffer::singles;
 use super::declared::{check, constant};
 use super::quantisation::Range;
 use super::quantised::{Finish, Quantised, To, Zero, are_of, is_byte};
+use super::users::Users;
 use crate::graph::Graph;
 use crate::proto::NodeProto;
 use crate::site::{Site, axis};
@@ -30,20 +31,10 @@ pub struct Fusion<'a> {
 
 /// The nodes of a graph that are computed together, by the place of the last one. Nodes that contradict themselves are not among them,
 /// and are refused when they are planned one by one.
-pub fn all<'a>(graph: &'a Graph, needed: &[bool]) -> HashMap<usize, Fusion<'a>> {
-    let nodes = || graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]);
+pub fn all<'a>(graph: &'a Graph, needed: &[bool], users: &Users<'_>) -> HashMap<usize, Fusion<'a>> {
     let mut fusions = HashMap::new();
-    // Bodies of control flow may use any value, without naming it in the node.
-    if nodes().any(|(_, node)| node.attribute.iter().any(|a| a.g.is_some() || !a.graphs.is_empty())) {
-        return fusions;
-    }
-    let mut users: HashMap<&str, Vec<Option<usize>>> = HashMap::new();
-    for (place, node) in nodes() {
-        node.input.iter().for_each(|name| users.entry(name).or_default().push(Some(place)));
-    }
-    graph.outputs().iter().for_each(|name| users.entry(name).or_default().push(None));
-    for (place, _) in nodes() {
-        if let Ok(Some(fusion)) = (Search { graph, users: &users }).fusion(place) {
+    for place in (0..graph.nodes().len()).filter(|place| needed[*place]) {
+        if let Ok(Some(fusion)) = (Search { graph, users }).fusion(place) {
             fusions.insert(fusion.nodes[fusion.nodes.len() - 1], fusion);
         }
     }
@@ -79,8 +70,7 @@ struct Dequantised<'a> {
 
 struct Search<'a, 'b> {
     graph: &'a Graph,
-    /// The nodes that use a value; none for an output of the graph.
-    users: &'b HashMap<&'a str, Vec<Option<usize>>>,
+    users: &'b Users<'b>,
 }
 
 impl<'a> Search<'a, '_> {
@@ -210,7 +200,7 @@ impl<'a> Search<'a, '_> {
         let floats = (vec![place], To::Floats);
         let (mut nodes, mut name, mut is_cut) = (vec![place], site.output(0)?, false);
         loop {
-            let Some(&[Some(next)]) = self.users.get(name).map(Vec::as_slice) else { return Ok(floats) };
+            let Some(next) = self.users.only(name) else { return Ok(floats) };
             let node = &self.graph.nodes()[next];
             let site = Site::new(&self.graph.values, node);
             nodes.push(next);

@@ -31,6 +31,9 @@ pub trait Number: Copy + Default + Send + 'static {
 
     /// What a multiply-add computes in a lane.
     fn multiply_add(a: Self, b: Self, sum: Self) -> Self;
+
+    /// The number if it is above 0, else 0, as `Relu` has it.
+    fn cut(self) -> Self;
 }
 
 impl Number for f32 {
@@ -47,6 +50,11 @@ impl Number for f32 {
     fn multiply_add(a: Self, b: Self, sum: Self) -> Self {
         multiply_add(a, b, sum)
     }
+
+    #[inline(always)]
+    fn cut(self) -> Self {
+        if self > 0.0 { self } else { 0.0 }
+    }
 }
 
 impl Number for i32 {
@@ -62,6 +70,11 @@ impl Number for i32 {
     #[inline(always)]
     fn multiply_add(a: Self, b: Self, sum: Self) -> Self {
         integers::multiply_add(a, b, sum)
+    }
+
+    #[inline(always)]
+    fn cut(self) -> Self {
+        self.max(0)
     }
 }
 

@@ -15,6 +15,8 @@ pub struct Product {
     matrices: Matrices,
     is_constant: bool,
     sum: Option<Sum>,
+    /// Whether results below 0 become 0.
+    is_cut: bool,
 }
 
 /// Products of matrices.
@@ -98,12 +100,12 @@ impl<N: Number> Matrices<N> {
         }
     }
 
-    /// Multiplies the left matrices with the right ones, which have been packed.
-    pub fn multiply(&self, left: &[N], result: &mut [N]) {
+    /// Multiplies the left matrices with the right ones, which have been packed. If results are `cut`, those below 0 become 0.
+    pub fn multiply(&self, left: &[N], cut: bool, result: &mut [N]) {
         for (&(first, number), into) in
             self.stacks.iter().zip(result.chunks_exact_mut((self.rows * self.columns).max(1)))
         {
-            product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, into);
+            product::sum(&left[first..], &self.packed[number], &self.taps, &self.places, 1, cut, into);
         }
     }
 }
@@ -115,7 +117,7 @@ impl Product {
     /// If the node contradicts itself.
     pub fn stacks(site: &Site<'_>, right: Option<&Tensor>) -> Result<Self> {
         let matrices = Matrices::stacks(site.shape(0)?, site.shape(1)?)?.starting_with(&[]);
-        Ok(Self { matrices, is_constant: false, sum: None }.with(right))
+        Ok(Self { matrices, is_constant: false, sum: None, is_cut: false }.with(right))
     }
 
     /// `Gemm`; `right` and `addend` are given if they are constant.
@@ -165,7 +167,8 @@ impl Product {
             places: places.collect::<Result<_>>()?,
             packed: Vec::new(),
         };
-        Ok(Self { matrices: matrices.starting_with(&start), is_constant: false, sum }.with(right))
+        Ok(Self { matrices: matrices.starting_with(&start), is_constant: false, sum, is_cut: false }
+            .with(right))
     }
 
     /// The same with a constant right side, if it is.
@@ -193,8 +196,11 @@ impl Operation for Product {
         if !self.is_constant {
             self.matrices.pack(single(inputs, 1)?);
         }
-        self.matrices.multiply(left, result);
-        let Some(Sum { factor, addend_factor, addend }) = &self.sum else { return Ok(()) };
+        let Some(Sum { factor, addend_factor, addend }) = &self.sum else {
+            self.matrices.multiply(left, self.is_cut, result);
+            return Ok(());
+        };
+        self.matrices.multiply(left, false, result);
         match addend {
             None => result.iter_mut().for_each(|value| *value *= factor),
             Some(places) => {
@@ -204,6 +210,14 @@ impl Operation for Product {
                 }
             }
         }
+        if self.is_cut {
+            result.iter_mut().for_each(|value| *value = value.cut());
+        }
         Ok(())
+    }
+
+    fn cut(&mut self) -> bool {
+        self.is_cut = true;
+        true
     }
 }

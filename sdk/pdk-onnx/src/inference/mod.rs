@@ -48,6 +48,7 @@ mod standardization;
 mod sums;
 #[cfg(test)]
 mod tests;
+mod users;
 mod wide;
 
 use pdk_sdk::error::{Error, Result};

@@ -27,9 +27,11 @@ use super::resize::Resize;
 use super::several::Several;
 use super::softmax::Softmax;
 use super::standardization::Standardization;
+use super::users::Users;
 use super::{Operand, Program, Step};
 use crate::graph::{Graph, describe};
 use crate::operators;
+use crate::proto::NodeProto;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor};
 
@@ -50,6 +52,8 @@ pub fn program(graph: Graph) -> Result<Program> {
         buffers: Vec::new(),
         values: HashMap::new(),
         values_known: Vec::new(),
+        users: None,
+        done: HashSet::new(),
     };
     let inputs = graph.inputs().map(|name| plan.value(name)).collect::<Result<Vec<_>>>()?;
     let needed = graph.needed(&outputs, &HashSet::new());
@@ -65,12 +69,15 @@ pub fn program(graph: Graph) -> Result<Program> {
     if !unknown.is_empty() {
         return Err(Error::new(format!("these operators are not known: {}", unknown.join(", "))));
     }
-    let mut fusions = fusion::all(&graph, &needed);
+    plan.users = Users::of(&graph, &needed);
+    let mut fusions =
+        plan.users.as_ref().map(|users| fusion::all(&graph, &needed, users)).unwrap_or_default();
     let needed = fusion::needed(&graph, &fusions);
     let mut steps = Vec::new();
     for (place, node) in graph.nodes().iter().enumerate().filter(|(place, _)| needed[*place]) {
         let step = match fusions.remove(&place) {
             Some(fusion) => plan.fused(fusion).map(Some),
+            None if plan.done.contains(&place) => Ok(None),
             None => plan.step(place),
         };
         steps.extend(step.map_err(|error| error.at(describe(node)))?);
@@ -91,6 +98,10 @@ struct Plan<'a> {
     values: HashMap<&'a str, usize>,
     /// Type and number of elements of each.
     values_known: Vec<(Element, usize)>,
+    /// Nothing if there is control flow.
+    users: Option<Users<'a>>,
+    /// Nodes that are computed together with the one before them.
+    done: HashSet<usize>,
 }
 
 impl<'a> Plan<'a> {
@@ -158,8 +169,24 @@ impl<'a> Plan<'a> {
             }
             return Ok(None);
         }
-        let operation = operation(graph, place, &site, &constants)?;
-        self.step_of(operation, node.input.iter().map(String::as_str), &node.output).map(Some)
+        let mut operation = operation(graph, place, &site, &constants)?;
+        let mut outputs = &node.output;
+        if let Some(relu) = self.relu_behind(node)
+            && operation.cut()
+        {
+            self.done.insert(relu);
+            outputs = &graph.nodes()[relu].output;
+        }
+        self.step_of(operation, node.input.iter().map(String::as_str), outputs).map(Some)
+    }
+
+    /// The place of `Relu`, if that is all that the output of a node is for. One that contradicts itself is refused when it is planned.
+    fn relu_behind(&self, node: &NodeProto) -> Option<usize> {
+        let [output] = node.output.as_slice() else { return None };
+        let place = self.users.as_ref()?.only(output)?;
+        let relu = &self.graph.nodes()[place];
+        let fits = relu.op_type == "Relu" && check(self.graph, &Site::new(&self.graph.values, relu)).is_ok();
+        fits.then_some(place)
     }
 
     /// How nodes that belong together are computed.

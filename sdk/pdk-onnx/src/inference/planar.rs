@@ -57,7 +57,7 @@ impl<N: Number> Weights<N> {
     }
 }
 
-/// Computes rows of places. The outputs of a place lie `apart` from each other.
+/// Computes rows of places. The outputs of a place lie `apart` from each other. If they are `cut`, those below 0 become 0.
 ///
 /// # Panics
 /// If a row with a tap leaves the input, or an output the result.
@@ -67,13 +67,14 @@ pub fn sum<N: Number>(
     taps: &[u32],
     rows: &Rows,
     apart: usize,
+    cut: bool,
     into: &mut [N],
 ) {
     let last = rows.rows.iter().map(|row| row.from as usize).max().zip(taps.iter().max());
     let inside = |(row, tap): (usize, &u32)| row + *tap as usize + rows.width <= input.len();
     assert!(rows.width >= LANES && last.is_none_or(inside), "a tap lies outside the input");
     assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
-    dispatch(Sums { input, weights, taps, rows, apart, into });
+    dispatch(Sums { input, weights, taps, rows, apart, cut, into });
 }
 
 struct Sums<'a, N> {
@@ -82,6 +83,7 @@ struct Sums<'a, N> {
     taps: &'a [u32],
     rows: &'a Rows,
     apart: usize,
+    cut: bool,
     into: &'a mut [N],
 }
 
@@ -133,13 +135,10 @@ impl<N: Number> Sums<'_, N> {
             let to = row.to as usize + (first + output) * self.apart + at * step;
             for (vector, sum) in sums.iter().enumerate() {
                 let into = &mut self.into[to + vector * LANES * step..][..(LANES - 1) * step + 1];
+                let sums = if self.cut { sum.to_array().map(N::cut) } else { sum.to_array() };
                 match step {
-                    1 => into.copy_from_slice(&sum.to_array()),
-                    _ => into
-                        .iter_mut()
-                        .step_by(step)
-                        .zip(sum.to_array())
-                        .for_each(|(into, value)| *into = value),
+                    1 => into.copy_from_slice(&sums),
+                    _ => into.iter_mut().step_by(step).zip(sums).for_each(|(into, value)| *into = value),
                 }
             }
         }
@@ -210,12 +209,16 @@ pub(super) mod tests {
                 &Drawn::new(outputs, taps, width);
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
             let mut found = vec![0.0; expected.len()];
-            sum(input, &packed, offsets, rows, *apart, &mut found);
-            assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide");
-            found.fill(0.0);
-            let (weights, apart) = (&packed, *apart);
-            Sums { input, weights, taps: offsets, rows, apart, into: &mut found }.with::<Portable>();
-            assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide, portable");
+            for cut in [false, true] {
+                let expected: Vec<f32> =
+                    expected.iter().map(|sum| if cut { sum.max(0.0) } else { *sum }).collect();
+                sum(input, &packed, offsets, rows, *apart, cut, &mut found);
+                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide, {cut}");
+                found.fill(0.0);
+                let (weights, apart) = (&packed, *apart);
+                Sums { input, weights, taps: offsets, rows, apart, cut, into: &mut found }.with::<Portable>();
+                assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {width} wide, {cut}, portable");
+            }
         }
     }
 }

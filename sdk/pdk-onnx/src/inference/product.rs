@@ -104,7 +104,7 @@ impl<N: Number> Packed<N> {
     }
 }
 
-/// Computes what belongs to each place. The outputs of a place lie `apart` from each other.
+/// Computes what belongs to each place. The outputs of a place lie `apart` from each other. If they are `cut`, those below 0 become 0.
 ///
 /// # Panics
 /// If a place with a tap lies outside the input, or an output outside the result.
@@ -114,9 +114,10 @@ pub fn sum<N: Number>(
     taps: &[u32],
     places: &[Place],
     apart: usize,
+    cut: bool,
     into: &mut [N],
 ) {
-    dispatch_wide(Sums::new(input, packed, taps, places, apart, into));
+    dispatch_wide(Sums::new(input, packed, taps, places, apart, cut, into));
 }
 
 /// What [`sum`] has to do.
@@ -126,6 +127,7 @@ struct Sums<'a, N> {
     taps: &'a [u32],
     places: &'a [Place],
     apart: usize,
+    cut: bool,
     into: &'a mut [N],
 }
 
@@ -136,13 +138,14 @@ impl<'a, N: Number> Sums<'a, N> {
         taps: &'a [u32],
         places: &'a [Place],
         apart: usize,
+        cut: bool,
         into: &'a mut [N],
     ) -> Self {
         let last = places.iter().map(|place| place.from as usize).max().zip(taps.iter().max());
         let inside = |(place, tap): (usize, &u32)| place + (*tap as usize) < input.len();
         assert!(last.is_none_or(inside), "a tap lies outside the input");
         assert_eq!(taps.len(), packed.taps, "there is a weight for each tap");
-        Self { input, packed, taps, places, apart, into }
+        Self { input, packed, taps, places, apart, cut, into }
     }
 
     #[inline(always)]
@@ -175,6 +178,10 @@ impl<'a, N: Number> Sums<'a, N> {
                         }
                     };
                 }
+            }
+            if self.cut {
+                let sums = waiting.as_flattened_mut()[..group.len()].as_flattened_mut().as_flattened_mut();
+                sums.iter_mut().for_each(|sum| *sum = sum.cut());
             }
             self.write(block, group, waiting.as_flattened());
         }
@@ -341,7 +348,7 @@ mod tests {
             let weights = draw(2, outputs * taps);
             let start = draw(3, outputs);
             let offsets: Vec<u32> = (0..taps as u32).map(|tap| tap * 2).collect();
-            for apart in [1, places] {
+            for (apart, cut) in [(1, false), (1, true), (places, false), (places, true)] {
                 let to = |place: usize| if apart == 1 { place * outputs } else { place };
                 let list: Vec<Place> =
                     (0..places).map(|place| Place { from: place as u32, to: to(place) as u32 }).collect();
@@ -350,20 +357,20 @@ mod tests {
                 for place in &list {
                     for output in 0..outputs {
                         let products = offsets.iter().zip(&weights[output * taps..]);
-                        expected[place.to as usize + output * apart] =
-                            products.fold(start[output], |sum, (tap, weight)| {
-                                multiply_add(input[(place.from + tap) as usize], *weight, sum)
-                            });
+                        let sum = products.fold(start[output], |sum, (tap, weight)| {
+                            multiply_add(input[(place.from + tap) as usize], *weight, sum)
+                        });
+                        expected[place.to as usize + output * apart] = if cut { sum.max(0.0) } else { sum };
                     }
                 }
                 let mut found = vec![0.0; outputs * places];
-                sum(&input, &packed, &offsets, &list, apart, &mut found);
+                sum(&input, &packed, &offsets, &list, apart, cut, &mut found);
                 assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places");
                 found.fill(0.0);
-                dispatch(Sums::new(&input, &packed, &offsets, &list, apart, &mut found));
+                dispatch(Sums::new(&input, &packed, &offsets, &list, apart, cut, &mut found));
                 assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places, eight lanes");
                 found.fill(0.0);
-                Sums::new(&input, &packed, &offsets, &list, apart, &mut found).with::<Portable>();
+                Sums::new(&input, &packed, &offsets, &list, apart, cut, &mut found).with::<Portable>();
                 assert_eq!(found, expected, "{outputs} outputs, {taps} taps, {places} places, portable");
             }
         }
@@ -373,6 +380,6 @@ mod tests {
     #[should_panic(expected = "a tap lies outside the input")]
     fn what_lies_outside_the_input_is_not_read() {
         let packed = Packed::new(1, 2, 1, |_, _| 1.0, |_| 0.0);
-        sum(&[1.0, 2.0], &packed, &[0, 2], &[Place { from: 0, to: 0 }], 1, &mut [0.0]);
+        sum(&[1.0, 2.0], &packed, &[0, 2], &[Place { from: 0, to: 0 }], 1, false, &mut [0.0]);
     }
 }

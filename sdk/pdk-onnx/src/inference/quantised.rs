@@ -420,7 +420,7 @@ impl Operation for Quantised {
                     right.pair(single(inputs, right.place)?, &mut self.right_pairs);
                     matrices.pack(&self.right_pairs);
                 }
-                matrices.multiply(&self.pairs, &mut self.results);
+                matrices.multiply(&self.pairs, false, &mut self.results);
             }
         }
         let range = match (self.finish.to, &mut outputs[0]) {

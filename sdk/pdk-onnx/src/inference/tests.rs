@@ -141,3 +141,39 @@ fn elements_are_moved_as_the_rules_move_them() {
         assert_eq!(found, expected, "{shape:?}");
     }
 }
+
+/// `Relu` behind a sum gives the same bits whether it is a step of its own, as where the sum is an output too, or not.
+#[test]
+fn relu_is_computed_with_the_sum_before_it() {
+    // What is multiplied, its weights, and the number of those that are added.
+    let sums: [(&str, &[usize], &[usize], usize); 6] = [
+        ("Conv", &[1, 3, 20, 60], &[24, 3, 5, 5], 24),
+        ("Conv", &[1, 3, 20, 40], &[2, 3, 3, 3], 2),
+        ("Conv", &[2, 4, 5, 6], &[33, 4, 3, 3], 33),
+        ("ConvTranspose", &[1, 4, 9, 12], &[4, 5, 3, 3], 5),
+        ("Gemm", &[3, 40], &[40, 21], 21),
+        ("Gemm", &[1, 40], &[40, 100], 1),
+    ];
+    for (operator, shape, weights, addends) in sums {
+        let tensor = |seed, shape: &[usize]| {
+            Tensor::floats(shape, crate::testing::numbers(seed, shape.iter().product()))
+        };
+        let program = |outputs: &[&str]| {
+            let mut s = Sketch::new(13);
+            s.input("x", shape);
+            let parts = [s.weights("w", tensor(1, weights)), s.weights("b", tensor(2, &[addends]))];
+            let attributes: &[_] = if addends == 1 { &[("alpha", Setting::Float(-0.5))] } else { &[] };
+            s.node(operator, &["x", &parts[0], &parts[1]], "sum", attributes);
+            s.node("Relu", &["sum"], "y", &[]);
+            Program::new(Graph::new(s.model(outputs)).unwrap()).unwrap()
+        };
+        let x: Vec<f32> = tensor(3, shape).values.iter().map(|&value| value as f32).collect();
+        let (mut together, mut apart) = (program(&["y"]), program(&["y", "sum"]));
+        assert_eq!([together.steps.len(), apart.steps.len()], [1, 2], "{operator}");
+        let (mut one, mut two) = (vec![Vec::new()], vec![Vec::new(); 2]);
+        together.run(std::slice::from_ref(&x), &mut one).unwrap();
+        apart.run(&[x], &mut two).unwrap();
+        assert!(two[1].iter().any(|sum| *sum < 0.0) && two[0].iter().any(|sum| *sum > 0.0), "{operator}");
+        assert_eq!(bits(&one[0]), bits(&two[0]), "{operator} of {shape:?}");
+    }
+}

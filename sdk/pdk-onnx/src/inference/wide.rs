@@ -56,7 +56,8 @@ pub fn is_faster(outputs: usize, width: usize) -> bool {
     outputs * width.div_ceil(WIDE) * 10 <= of_outputs * width * 9
 }
 
-/// Computes rows of places. The outputs of a place lie `apart` from each other, those of neighbouring places side by side.
+/// Computes rows of places. The outputs of a place lie `apart` from each other, those of neighbouring places side by side. If they are
+/// `cut`, those below 0 become 0.
 ///
 /// # Panics
 /// If a row with a tap leaves the input, or an output the result.
@@ -66,6 +67,7 @@ pub fn sum<N: Number>(
     taps: &[u32],
     rows: &Rows,
     apart: usize,
+    cut: bool,
     into: &mut [N],
 ) {
     let last = rows.rows.iter().map(|row| row.from as usize).max().zip(taps.iter().max());
@@ -73,7 +75,7 @@ pub fn sum<N: Number>(
     assert!(rows.width >= WIDE && last.is_none_or(inside), "a tap lies outside the input");
     assert!(rows.step == 1, "outputs of neighbouring places lie side by side");
     assert_eq!(weights.weights.len(), weights.outputs * taps.len(), "there is a weight for each tap");
-    dispatch_wide(Sums { input, weights, taps, rows, apart, into });
+    dispatch_wide(Sums { input, weights, taps, rows, apart, cut, into });
 }
 
 struct Sums<'a, N> {
@@ -82,6 +84,7 @@ struct Sums<'a, N> {
     taps: &'a [u32],
     rows: &'a Rows,
     apart: usize,
+    cut: bool,
     into: &'a mut [N],
 }
 
@@ -130,7 +133,8 @@ impl<N: Number> Sums<'_, N> {
         for (output, sums) in sums.iter().enumerate() {
             let to = row.to as usize + (first + output) * self.apart;
             for (start, sum) in starts.iter().zip(sums) {
-                self.into[to + start..][..WIDE].copy_from_slice(&sum.to_array());
+                let sums = if self.cut { sum.to_array().map(N::cut) } else { sum.to_array() };
+                self.into[to + start..][..WIDE].copy_from_slice(&sums);
             }
         }
         VECTORS
@@ -172,8 +176,11 @@ mod tests {
             let packed = Weights::new(outputs, taps, |o, t| weights[o * taps + t], |o| start[o]);
             for level in [Level::Portable, Level::Avx, Level::Avx512] {
                 let mut found = vec![0.0; expected.len()];
-                limited(level, || sum(input, &packed, offsets, rows, *apart, &mut found));
+                limited(level, || sum(input, &packed, offsets, rows, *apart, false, &mut found));
                 assert_eq!(found, *expected, "{outputs} outputs, {taps} taps, {width} wide, {level:?}");
+                limited(level, || sum(input, &packed, offsets, rows, *apart, true, &mut found));
+                let cut: Vec<f32> = expected.iter().map(|sum| sum.max(0.0)).collect();
+                assert_eq!(found, cut, "{outputs} outputs, {taps} taps, {width} wide, {level:?}, cut");
             }
         }
     }
@@ -183,6 +190,6 @@ mod tests {
     fn what_lies_outside_the_input_is_not_read() {
         let rows = Rows { rows: vec![Row { from: 0, to: 0 }], width: WIDE, step: 1 };
         let packed = Weights::new(1, 2, |_, _| 1.0, |_| 0.0);
-        sum(&[1.0; WIDE + 1], &packed, &[0, 2], &rows, WIDE, &mut [0.0; WIDE]);
+        sum(&[1.0; WIDE + 1], &packed, &[0, 2], &rows, WIDE, false, &mut [0.0; WIDE]);
     }
 }
