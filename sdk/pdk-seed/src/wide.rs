@@ -169,7 +169,18 @@ mod avx2 {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn turned<const LEFT: i32, const RIGHT: i32>(words: __m256i) -> __m256i {
-        _mm256_or_si256(_mm256_slli_epi32::<LEFT>(words), _mm256_srli_epi32::<RIGHT>(words))
+        // Turns by whole bytes are one instruction.
+        let bytes = |first, second, third, fourth| {
+            _mm256_shuffle_epi8(
+                words,
+                _mm256_broadcastsi128_si256(_mm_set_epi32(first, second, third, fourth)),
+            )
+        };
+        match LEFT {
+            16 => bytes(0x0d0c_0f0e, 0x0908_0b0a, 0x0504_0706, 0x0100_0302),
+            8 => bytes(0x0e0d_0c0f, 0x0a09_080b, 0x0605_0407, 0x0201_0003),
+            _ => _mm256_or_si256(_mm256_slli_epi32::<LEFT>(words), _mm256_srli_epi32::<RIGHT>(words)),
+        }
     }
 }
 
