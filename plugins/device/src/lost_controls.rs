@@ -13,6 +13,7 @@ impl Component for LostControls {
             "Loses controls in bursts, while the vehicle keeps to the last one that came",
             ActsOn::Control,
         )
+        .version(2)
         .history(1)
         .mathematics("applied(t) = control(last t' <= t that is not lost)")
         .drawn_per_frame("whether a burst begins, and its length")

@@ -13,6 +13,7 @@ impl Component for LostSpeed {
             "Loses readings of the speed in bursts, and tells the driver the last one meanwhile",
             ActsOn::Observation,
         )
+        .version(2)
         .history(1)
         .mathematics("speed(t) = v(last t' <= t that is not lost)")
         .drawn_per_frame("whether a burst begins, and its length")

@@ -12,6 +12,7 @@ impl Component for BlankFrames {
             "blank_frames",
             "Shows a black picture in place of frames that are lost",
         )
+        .version(2)
         .family("stream")
         .dynamic()
         .not_default()
