@@ -1,8 +1,9 @@
-//! Weighted sums of two frames.
+//! Weighted sums of frames.
 
 use crate::color::grey;
 use crate::frame::{Frame, FrameMut, for_each_row};
 use crate::planes::{BLOCK_BYTES, put_together, take_apart};
+use crate::point::truncated;
 use crate::simd::{round_inside_byte, vectorised};
 
 /// Two values weighted, rounded half to even. `rest` is what is left of one.
@@ -67,6 +68,46 @@ vectorised! {
     }
 }
 
+/// The sum of frames by their weights, rounded half up and clipped to 0..=255. Products are added in the order of the frames.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn weighted_sum(frames: &[(Frame<'_>, f32)], mut dst: FrameMut<'_>) {
+    let fit = frames.iter().all(|(frame, _)| frame.same_size(&dst.as_ref()));
+    assert!(fit, "weighted_sum of frames of different size");
+    for (y, to) in dst.rows_mut().enumerate() {
+        weighted_sum_row(frames, y, to);
+    }
+}
+
+/// Values whose sums are computed at a time: registers have room for them.
+const TOGETHER: usize = 32;
+
+vectorised! {
+    fn weighted_sum_row / weighted_sum_row_avx2 / weighted_sum_row_avx512 (
+        frames: &[(Frame<'_>, f32)], y: usize, to: &mut [u8],
+    ) {
+        let (chunks, rest) = to.as_chunks_mut::<TOGETHER>();
+        let whole = chunks.len() * TOGETHER;
+        for (chunk, to) in chunks.iter_mut().enumerate() {
+            let mut sums = [0.5f32; TOGETHER];
+            for (frame, weight) in frames {
+                let from = &frame.row(y)[chunk * TOGETHER..][..TOGETHER];
+                for (sum, value) in sums.iter_mut().zip(from) {
+                    *sum += weight * f32::from(*value);
+                }
+            }
+            for (to, sum) in to.iter_mut().zip(sums) {
+                *to = truncated(sum);
+            }
+        }
+        for (x, to) in rest.iter_mut().enumerate() {
+            let products = frames.iter().map(|(frame, weight)| weight * f32::from(frame.row(y)[whole + x]));
+            *to = truncated(products.fold(0.5, |sum, product| sum + product));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -97,6 +138,21 @@ mod tests {
                 [r, g, b].map(|v| plain_blend(grey(r, g, b), weight, v))
             });
             prop_assert_eq!(run_on(&sample, |src, dst| blend_with_grey(src, dst, weight)), expected);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn weighted_sum_matches_the_plain_version((a, b) in pairs(), weights: [f32; 3]) {
+            let weights = weights.map(|weight| weight % 2.0);
+            let frames = [(a.frame(), weights[0]), (b.frame(), weights[1]), (a.frame(), weights[2])];
+            let expected = plain(a.frame(), |x, y| {
+                [0, 1, 2].map(|c| {
+                    let products = frames.map(|(frame, weight)| weight * f32::from(frame.pixel(x, y)[c]));
+                    (0.5 + products[0] + products[1] + products[2]).clamp(0.0, 255.0) as u8
+                })
+            });
+            prop_assert_eq!(run_on(&a, |_, dst| weighted_sum(&frames, dst)), expected);
         }
     }
 
