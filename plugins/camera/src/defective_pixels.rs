@@ -17,6 +17,7 @@ impl Component for DefectivePixels {
             "Makes photosites of the sensor dead, hot or stuck, and rows and columns as well, each of which spreads to its neighbours \
              where colours are interpolated",
         )
+        .version(2)
         .family("camera")
         .not_default()
         .keeps_geometry()
@@ -72,17 +73,17 @@ fn weight(channel: usize, right: isize, down: isize) -> i32 {
     }
 }
 
-/// Makes the photosite at a place show a value.
-fn mark(src: Frame<'_>, dst: &mut FrameMut<'_>, [x, y]: [usize; 2], value: u8) {
-    let channel = channel(x, y);
-    let difference = i32::from(value) - i32::from(src.row(y)[3 * x + channel]);
+/// Makes the photosite at a place show a value, instead of what it shows so far: no other photosite reaches its own channel there.
+fn mark(dst: &mut FrameMut<'_>, [x, y]: [usize; 2], value: u8) {
+    let (channel, width, height) = (channel(x, y), dst.width(), dst.height());
+    let difference = i32::from(value) - i32::from(dst.row_mut(y)[3 * x + channel]);
     for down in -1..=1isize {
         for right in -1..=1isize {
             let weight = weight(channel, right, down);
             let (Some(x), Some(y)) = (x.checked_add_signed(right), y.checked_add_signed(down)) else {
                 continue;
             };
-            if weight == 0 || x >= src.width() || y >= src.height() {
+            if weight == 0 || x >= width || y >= height {
                 continue;
             }
             let to = &mut dst.row_mut(y)[3 * x + channel];
@@ -103,15 +104,15 @@ impl Perturbation for DefectivePixels {
             let (row, of_row) = (random.below(height as u32) as usize, shows(&mut random, only));
             let (column, of_column) = (random.below(width as u32) as usize, shows(&mut random, only));
             if line < lines {
-                (0..width).for_each(|x| mark(src, &mut dst, [x, row], of_row));
-                (0..height).for_each(|y| mark(src, &mut dst, [column, y], of_column));
+                (0..width).for_each(|x| mark(&mut dst, [x, row], of_row));
+                (0..height).for_each(|y| mark(&mut dst, [column, y], of_column));
             }
         }
         let count = (cx.number("share").clamp(0.0, MOST) * (width * height) as f64).round() as usize;
         for _ in 0..count {
             let place = [random.below(width as u32) as usize, random.below(height as u32) as usize];
             let value = shows(&mut random, only);
-            mark(src, &mut dst, place, value);
+            mark(&mut dst, place, value);
         }
         Ok(())
     }
@@ -158,12 +159,22 @@ mod tests {
             let expected = interpolated(&photosites);
             let source = even(80, 12, 10);
             let mut target = source.clone();
-            mark(source.as_ref(), &mut target.as_mut(), [x, y], 240);
+            mark(&mut target.as_mut(), [x, y], 240);
             for (v, row) in expected.iter().enumerate() {
                 for (u, pixel) in row.iter().enumerate() {
                     assert_eq!(target.as_ref().pixel(u, v).map(f64::from), *pixel, "{u} {v} of {x} {y}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn of_two_defects_of_a_photosite_the_second_shows() {
+        for (x, y) in [(4, 4), (5, 4), (5, 5)] {
+            let (mut once, mut twice) = (even(100, 12, 10), even(100, 12, 10));
+            mark(&mut once.as_mut(), [x, y], 150);
+            [180, 150].into_iter().for_each(|value| mark(&mut twice.as_mut(), [x, y], value));
+            assert_eq!(once, twice);
         }
     }
 
