@@ -6,8 +6,8 @@ use pdk_sdk::ops::resample::{self, resize_area};
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
-/// The blurred picture has this share of the rows and columns.
-const SHRUNK: usize = 8;
+/// The rows of the blurred picture, as nearly as whole numbers allow, so that the mist blurs by the same share of any frame.
+const ROWS: f64 = 30.0;
 /// Size of the blur in that picture.
 const BLUR: usize = 5;
 /// How long the wiper needs from the left to the right, in seconds.
@@ -37,6 +37,7 @@ impl Component for Condensation {
             "condensation",
             "Mists the glass in front of the camera up, more and more, until a wiper passes and it begins again",
         )
+        .version(2)
         .family("lens")
         .dynamic()
         .not_default()
@@ -97,7 +98,8 @@ impl Condensation {
 
     /// The frame as it is seen through mist, out of focus.
     fn blur(&mut self, src: Frame<'_>) {
-        let [width, height] = [src.width(), src.height()].map(|side| side.div_ceil(SHRUNK));
+        let shrunk = ((src.height() as f64 / ROWS).round() as usize).max(1);
+        let [width, height] = [src.width(), src.height()].map(|side| side.div_ceil(shrunk));
         for frame in [&mut self.small, &mut self.blurred] {
             frame.resize(width, height);
         }
@@ -176,6 +178,32 @@ mod tests {
         assert!((f64::from(most) - veiled).abs() < 1.5, "{most} {veiled}");
         assert!(*found.data().iter().min().unwrap() < 80);
         assert_eq!(misted(&json!({"density": 0}), 3.0, &even_frame(40, 80, 60)), even_frame(40, 80, 60));
+    }
+
+    #[test]
+    fn the_mist_blurs_by_the_same_share_of_any_frame() {
+        // Stripes, ten to a height.
+        let contrast = |height: usize| {
+            let mut source = FrameBuf::new(height, height);
+            for y in 0..height {
+                for x in 0..height {
+                    source.as_mut().set_pixel(x, y, [if x * 20 / height % 2 == 0 { 0 } else { 255 }; 3]);
+                }
+            }
+            let found = misted(&json!({"density": 1.0, "growth": 4, "wipe": 0}), 0.0, &source);
+            let dark = (0..height * height).filter(|place| place % height * 20 / height % 2 == 0);
+            let values = |even: bool| {
+                let found = found.as_ref();
+                let chosen = move |place: &usize| (place % height * 20 / height % 2 == 0) == even;
+                (0..height * height)
+                    .filter(chosen)
+                    .map(move |place| f64::from(found.pixel(place % height, place / height)[0]))
+            };
+            let count = dark.count() as f64;
+            values(false).sum::<f64>() / count - values(true).sum::<f64>() / count
+        };
+        let [small, large] = [240, 960].map(contrast);
+        assert!((small - large).abs() < 5.0, "{small} {large}");
     }
 
     #[test]

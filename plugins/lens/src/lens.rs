@@ -153,6 +153,9 @@ pub struct Backdrop {
     sums: Vec<u32>,
 }
 
+/// The mean brightness of a scene below which it is darker than by day.
+const DUSK: f32 = 60.0;
+
 /// Bits of a channel: a byte times a weight of 12 bits, and one to spare.
 const LANE: u32 = 21;
 /// Adding this to a number from 0 to 2^16 leaves it, rounded to a 64th, in the lower bits.
@@ -186,6 +189,11 @@ impl Backdrop {
             cells[self.columns] = cells[self.columns - 1];
         }
         self.cells.copy_within((self.rows - 1) * line..self.rows * line, self.rows * line);
+    }
+
+    /// How much of the light of a day there is, 0 to 1.
+    pub fn daylight(&self) -> f32 {
+        (self.brightness() / DUSK).min(1.0)
     }
 
     /// The mean brightness of the scene, 0 to 255.

@@ -37,7 +37,7 @@ impl Component for RaindropsOnLens {
         )
         .family("lens")
         .keeps_geometry()
-        .version(3)
+        .version(4)
         .dynamic()
         .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")
         .mathematics(
@@ -63,7 +63,7 @@ impl Component for RaindropsOnLens {
                 .unit("frame heights"),
         )
         .parameter(
-            Parameter::number("defocus", 0.02, "radius of the disc that a point of a drop becomes: drops are nearer than the focus")
+            Parameter::number("defocus", 0.02, "radius of the disc that a point of a drop becomes, 128 pixels at most: drops are nearer than the focus")
                 .range(0.0, 0.1)
                 .unit("frame heights"),
         )

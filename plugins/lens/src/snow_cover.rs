@@ -182,7 +182,7 @@ impl SnowCover {
     /// Draws the snow over `dst`, which holds the scene behind it.
     pub fn draw(&mut self, mut dst: FrameMut<'_>, lens: &Lens, backdrop: &Backdrop) {
         // Snow is as bright as the light that falls on it, which the scene tells.
-        let white = (95.0 + 1.15 * backdrop.brightness()).min(242.0);
+        let white = (95.0 * backdrop.daylight() + 1.15 * backdrop.brightness()).min(242.0);
         let tint = [white * 0.975, white * 0.99, white];
         let relief = (0.012 * lens.unit).max(1.0);
         let step = (relief.round() as usize).min(self.height.saturating_sub(1));

@@ -32,7 +32,7 @@ impl Component for SnowOnLens {
         )
         .family("lens")
         .keeps_geometry()
-        .version(3)
+        .version(4)
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
         .mathematics(
@@ -58,7 +58,7 @@ impl Component for SnowOnLens {
                 .unit("frame heights"),
         )
         .parameter(
-            Parameter::number("defocus", 0.02, "radius of the disc that a point of a flake becomes: flakes are nearer than the focus")
+            Parameter::number("defocus", 0.02, "radius of the disc that a point of a flake becomes, 128 pixels at most: flakes are nearer than the focus")
                 .range(0.0, 0.1)
                 .unit("frame heights"),
         )

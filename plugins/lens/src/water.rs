@@ -176,7 +176,7 @@ impl Water {
         let look = Look {
             refraction: REFRACTION * self.unit,
             opacity: 1.0 / (EDGE * self.unit).max(1.0),
-            light: 16.0 + 0.3 * backdrop.brightness(),
+            light: 16.0 * backdrop.daylight() + 0.3 * backdrop.brightness(),
         };
         for tile in (0..self.wet.len()).filter(|&tile| self.wet[tile]) {
             // Columns and rows of the field; those of the frame are one less.

@@ -15,6 +15,8 @@ pub struct WaterFilm {
     slopes: Vec<[f32; 2]>,
     made_for: Option<Key>,
     padded: Padded,
+    /// The slopes of both layers in a row of the frame, between those of the tile.
+    rows: [Vec<[f32; 2]>; 2],
     xs: Vec<i32>,
     ys: Vec<i32>,
 }
@@ -25,6 +27,7 @@ impl Component for WaterFilm {
             "water_film",
             "Lets a film of water run down the glass in front of the camera, whose waves bend what is seen",
         )
+        .version(2)
         .family("lens")
         .dynamic()
         .not_default()
@@ -88,6 +91,30 @@ fn rounded(value: f32) -> i32 {
     whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
 }
 
+/// Two slopes mixed: the second has this share.
+#[inline(always)]
+fn mix(one: [f32; 2], other: [f32; 2], share: f32) -> [f32; 2] {
+    [one[0] + (other[0] - one[0]) * share, one[1] + (other[1] - one[1]) * share]
+}
+
+/// The slopes of a tile in a row that may lie between two of its own, times a weight.
+fn between_rows(slopes: &[[f32; 2]], at: f64, weight: f32, into: &mut Vec<[f32; 2]>) {
+    let at = at.rem_euclid(SIDE as f64);
+    let (row, share) = (at as usize, (at - at.floor()) as f32);
+    let [one, other] = [row, row + 1].map(|row| &slopes[row % SIDE * SIDE..][..SIDE]);
+    into.clear();
+    into.extend(
+        one.iter().zip(other).map(|(one, other)| mix(*one, *other, share).map(|slope| weight * slope)),
+    );
+}
+
+/// The slope at a place of a row that repeats, which may lie between two of its own.
+#[inline(always)]
+fn between(row: &[[f32; 2]], at: f32) -> [f32; 2] {
+    let place = at as usize;
+    mix(row[place % SIDE], row[(place + 1) % SIDE], at - place as f32)
+}
+
 impl Perturbation for WaterFilm {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         self.prepare(cx);
@@ -98,20 +125,17 @@ impl Perturbation for WaterFilm {
         let texels = SIDE as f64 / height as f64;
         let run = cx.number("flow") * cx.time * SIDE as f64;
         let layers = [(1.0, run, 1.0 / 1.5), (1.7, 1.6 * run, 0.5 / 1.5)];
+        let layers = layers.map(|(finer, run, weight)| (texels * finer, run.rem_euclid(SIDE as f64), weight));
         for (y, to) in dst.rows_mut().enumerate() {
             self.xs.clear();
             self.ys.clear();
-            let rows = layers.map(|(finer, run, weight)| {
-                let place = (y as f64 * texels * finer - run).rem_euclid(SIDE as f64) as usize % SIDE;
-                (&self.slopes[place * SIDE..][..SIDE], (texels * finer) as f32, weight as f32)
-            });
+            for (row, (step, run, weight)) in self.rows.iter_mut().zip(layers) {
+                between_rows(&self.slopes, y as f64 * step - run, weight as f32, row);
+            }
+            let steps = layers.map(|(step, ..)| step as f32);
             for x in 0..width {
-                let (mut right, mut down) = (0.0, 0.0);
-                for (slopes, step, weight) in rows {
-                    let [u, v] = slopes[(x as f32 * step) as usize % SIDE];
-                    right += weight * u;
-                    down += weight * v;
-                }
+                let [one, other] = [0, 1].map(|layer| between(&self.rows[layer], x as f32 * steps[layer]));
+                let (right, down) = (one[0] + other[0], one[1] + other[1]);
                 let place = |whole: usize, bent: f32| {
                     whole as i32 * SUBPIXELS + rounded(bent * bend * SUBPIXELS as f32)
                 };
@@ -165,6 +189,25 @@ mod tests {
         // 0.04 of 150 pixels.
         assert!(most[0] <= 6 && most[1] <= 6 && most[0] >= 3, "{most:?}");
         assert!(sum > count / 2, "{sum} of {count}");
+    }
+
+    #[test]
+    fn the_picture_is_bent_smoothly_however_large_it_is() {
+        // A frame as high as sixteen texels of the film each, whose red grows by a grey level in four pixels.
+        let (width, height) = (1000, 16 * SIDE);
+        let mut source = FrameBuf::new(width, height);
+        for y in 0..height {
+            for x in 0..width {
+                source.as_mut().set_pixel(x, y, [(x / 4) as u8, 0, 0]);
+            }
+        }
+        let found = seen(&json!({"bend": 0.02}), 0.3, &source);
+        let row = |y: usize| (50..width - 50).map(move |x| (x, y));
+        let steps = [100, 777, 1500].into_iter().flat_map(row).map(|(x, y)| {
+            let red = |x: usize| i32::from(found.as_ref().pixel(x, y)[0]);
+            (red(x + 1) - red(x)).abs()
+        });
+        assert!(steps.max() <= Some(1), "neighbouring pixels come from neighbouring places");
     }
 
     #[test]
