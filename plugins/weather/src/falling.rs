@@ -142,8 +142,11 @@ impl Curtain {
             let thick = diameter * 1e-3 * focal / distance;
             let length = libm::hypot(to[0] - x, to[1] - y);
             // A place on the streak is covered for as long as the drop needs to pass by its own length.
-            let share = (thick / length.max(thick) * each).min(1.0);
-            let streak = Streak { from: [x, y], to, width: thick, distance, share };
+            let share = thick / length.max(thick) * each;
+            // One that stands for more than it can cover is larger.
+            let larger = share.max(1.0).sqrt();
+            let to = [x + (to[0] - x) * larger, y + (to[1] - y) * larger];
+            let streak = Streak { from: [x, y], to, width: thick * larger, distance, share: share.min(1.0) };
             draw(&self.light, &mut dst, distances, &streak, sky);
         }
         Ok(())

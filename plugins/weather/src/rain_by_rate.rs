@@ -25,7 +25,7 @@ impl Component for RainByRate {
             "rain_by_rate",
             "Lets it rain at a rate: near drops are streaks in front of what is further away, and the others take contrast from the distance",
         )
-        .version(3)
+        .version(4)
         .family("weather")
         .dynamic()
         .not_default()
@@ -86,6 +86,19 @@ mod tests {
         let all = [0.0, 1.0, 4.0, 12.0, 35.0, 80.0].map(changed);
         assert_eq!(all[0], 0);
         assert!(all.windows(2).all(|pair| pair[0] < pair[1]), "{all:?}");
+    }
+
+    #[test]
+    fn more_rain_covers_more_at_any_exposure() {
+        let changed = |rate: f64, exposure: f64| -> f64 {
+            let given = json!({"rate": rate, "exposure": exposure});
+            let found = perturbed::<RainByRate>(&given, &even(60, 160, 120), None);
+            found.data().iter().map(|value| f64::from(value.abs_diff(60))).sum()
+        };
+        for exposure in [0.0001, 0.012] {
+            let [heavy, violent] = [35.0, 300.0].map(|rate| changed(rate, exposure));
+            assert!(violent > 1.6 * heavy, "{exposure}: {heavy} {violent}");
+        }
     }
 
     #[test]

@@ -26,7 +26,7 @@ impl Component for SnowByRate {
             "snow_by_rate",
             "Lets it snow at a rate: near flakes are streaks in front of what is further away, and the others hide the distance",
         )
-        .version(3)
+        .version(4)
         .family("weather")
         .dynamic()
         .not_default()
