@@ -132,6 +132,7 @@ impl Link {
             self.held.rename(label(applied));
         }
         self.history.forget();
+        self.signals.forget();
         self.dice.begin_again(seed);
         if let Some(selector) = &mut self.limits.selector {
             selector.begin_again(self.dice.key_for("where", seed));

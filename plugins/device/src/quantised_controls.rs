@@ -12,13 +12,13 @@ impl Component for QuantisedControls {
             "Rounds controls to steps, as coarse messages or switched actuators do",
             ActsOn::Control,
         )
-        .mathematics("applied(t) = step round(control(t) / step)")
+        .mathematics("applied(t) = clip(step round(control(t) / step), -1, 1)")
         .source("Uniform mid-tread quantisation, as in Widrow and Kollár, Quantization noise (2008)")
         .parameter(
             Parameter::by_level(
                 "step",
                 [0.02, 0.05, 0.1, 0.2, 0.4],
-                "the distance between two values, of which there are those from -1 to 1",
+                "the distance between two values; those at the ends are -1 and 1, whatever it is",
             )
             .range(0.0, 2.0),
         )

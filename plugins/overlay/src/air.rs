@@ -16,8 +16,8 @@ const DAY: f64 = 90.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Effect {
     /// Air of this colour by day, of which as many metres hide nearly two thirds of the scene, and which hides at most this share of it. The
-    /// horizon is a share of the frame's height from the top. The air is no brighter than the light in it, which the scene above the
-    /// horizon tells.
+    /// horizon is a share of the frame's height from the top. If the scene above the horizon is darker than by day, so is the air, in
+    /// proportion.
     Haze { colour: [f64; 3], metres: f64, most: f64, horizon: f64 },
     /// The camera lets in less light by a share of `darker`, and a share of `veil` of white is scattered over the frame, of this
     /// colour.

@@ -83,8 +83,8 @@ impl Shows {
             Self::Falling { haze, .. } => description
                 .mathematics(
                     "(1 - opacity a) w + opacity c, a the clip's alpha once the screen is out, c its colour times a; \
-                     w = v + opacity haze (1 - exp(-z / s)) (air - v), z the depth of the road, s the sight in metres, air a grey no \
-                     brighter than the scene above the horizon",
+                     w = v + opacity haze (1 - exp(-z / s)) (air - v), z the depth of the road, s the sight in metres, air a grey \
+                     that is darker in proportion if the mean of the scene above the horizon is below 90",
                 )
                 .divergence("The air hides what is far away; the published code draws the clip alone, as `haze=0` does.")
                 .parameter(
