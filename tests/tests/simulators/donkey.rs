@@ -336,8 +336,9 @@ fn one_simulator_is_enough_if_the_number_of_workers_is_not_set() {
     assert_eq!(lines_of(&out).len(), 4);
     let replayed = Pdk::new(["replay"]).arg(&out).run();
     assert!(!replayed.stderr.contains("is not at"), "{}", replayed.stderr);
-    // Of two workers the one that finds none leaves its work to the other one, and the only one ends the run.
-    let driven = run("two", &simulator).set("workers", 2).succeed();
+    // Of two workers the one that finds none leaves its work to the other one, which has enough of it until then, and the only one
+    // ends the run.
+    let driven = run_for("two", &simulator, 4).set("workers", 2).succeed();
     let said = [
         "pdk: warning: worker 1 gets nothing more to do, and others do its work: simulator `donkey`",
         &format!("is not at 127.0.0.1:{}", port + 1),
