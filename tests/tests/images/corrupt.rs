@@ -496,3 +496,31 @@ fn pictures_are_written_in_another_format_and_quality() {
     };
     assert!(size("30") * 2 < size("95"));
 }
+
+#[test]
+fn a_result_in_the_dataset_and_two_files_in_one_place_are_refused() {
+    let folder = temp();
+    classes(folder.path(), 2);
+    let with = ["--with", "contrast@1"];
+    std::os::unix::fs::symlink("photos", folder.path().join("link")).unwrap();
+    for out in ["photos", "photos/new/out", "link/out"] {
+        corrupt(folder.path(), "photos", &with, out)
+            .fail(1, &[&format!("the folder {out} lies in the dataset photos"), "outside of it with -o"]);
+    }
+    corrupt(&folder.path().join("photos"), ".", &with, "out")
+        .fail(1, &["the folder out lies in the dataset ."]);
+    assert!(!folder.path().join("photos/new").exists() && !folder.path().join("photos/out").exists());
+    corrupt(folder.path(), "photos", &with, "photos-out").succeed();
+    datasets::tub(&folder.path().join("drive"), 2, 96, 64);
+    let tub = "tub,path=drive";
+    corrupt(folder.path(), tub, &[&with[..], &["--plain"]].concat(), "drive/out")
+        .fail(1, &["lies in the dataset drive"]);
+
+    fs::write(folder.path().join("photos/tree/001.jpg"), "x").unwrap();
+    let png = [&with[..], &["--format", "png"]].concat();
+    corrupt(folder.path(), "photos", &png, "png").fail(
+        1,
+        &["`tree/001.jpg` and `tree/001.png` would both be written as `tree/001.png`", "leave --format out"],
+    );
+    assert!(!folder.path().join("png").exists());
+}

@@ -322,7 +322,21 @@ tolerated = 0.6
             .filter(|entry| entry["series"] == "requirement 1")
             .all(|entry| entry["driver"] == "new")
     );
-    Pdk::new(["verify"]).arg(folder.path().join("out")).succeed();
+    let verify = || Pdk::new(["verify", "--probes", "1000"]).arg(folder.path().join("out"));
+    verify().succeed();
+    // A measure that decides is repeated like the rest of what came of a drive.
+    forge(&folder.path().join("out/verdict.json"), |verdict| {
+        let measured = verdict.entries[1].measured.as_mut().unwrap();
+        *measured /= 2.0;
+    });
+    let refuted = verify().run();
+    assert!(
+        refuted.code == Some(3)
+            && refuted.stdout.contains("entry 1, requirement 1 2")
+            && refuted.stdout.contains("the measure 0."),
+        "{}",
+        refuted.stdout
+    );
 }
 
 /// A suite for a simulator that draws in one scenario of four whether the driver fails, and where a perturbation makes it fail.

@@ -191,6 +191,22 @@ fn a_record_stands_for_its_blocks_or_names_the_driver() {
 }
 
 #[test]
+fn the_command_of_a_failure_names_the_record_that_has_it() {
+    let folder = prepared(SUITE);
+    gate(folder.path(), "lane_keeper", LAZY, "first").run();
+    // Blocks of another version have other draws, so none of them is in the first record.
+    fs::write(folder.path().join("route.toml"), SUITE.replace("version = 1", "version = 2")).unwrap();
+    for _ in 0..2 {
+        // The second time, all of them are in the gate's own record.
+        let ran = gate(folder.path(), "lane_keeper", "first", "second").arg("--json").run();
+        assert_eq!(ran.code, Some(3), "{}{}", ran.stdout, ran.stderr);
+        let failures = ran.json()["new_failures"].clone();
+        let command = failures[0]["replay"].as_str().unwrap();
+        assert!(command.starts_with("pdk verify second --scenario "), "{command}");
+    }
+}
+
+#[test]
 fn requirements_count_blocks() {
     let requirements = r#"
 [[require]]

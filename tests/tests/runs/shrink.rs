@@ -7,7 +7,7 @@ use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, temp};
 use serde_json::Value;
 
-/// A failure that needs one of three perturbations, and a drive without any.
+/// A failure that needs one of three perturbations, a drive without any, and one in real time that has too little of it.
 const SOURCE: &str = r#"
     local road = { angles = { 0, 5, 20, -20, 5, 0, 0 }, segment = 10 }
     pdk.drive({
@@ -16,6 +16,7 @@ const SOURCE: &str = r#"
         scenarios = {
             { road = road, perturbations = { "contrast@0.5", "translate_image@4", "gaussian_noise@0" } },
             { road = { angles = { 0, 0 }, segment = 10 } },
+            { road = road, mode = "realtime", duration = 0.2 },
         },
     })
 "#;
@@ -73,6 +74,7 @@ fn a_scenario_that_cannot_be_shrunk_gets_one_sentence() {
     let record = record(folder.path());
     let run = |scenario: &str| shrink(&record, folder.path(), scenario);
     run("1").fail(1, &["was a success, so there is no failure to shrink"]);
+    run("2").fail(1, &["was driven in real time", "drive it in lockstep"]);
     run("7").fail(1, &["holds no scenario 7"]);
     run("0").args(["--precision", "0"]).fail(1, &["--precision is 0"]);
     run("0").args(["--clip", "x.gif"]).fail(1, &["has to end in .mp4"]);

@@ -1,6 +1,7 @@
-//! Whether the labels of a dataset can be moved along under all conditions.
+//! What is checked before anything is written: that labels can be moved along under all conditions, and that no file takes the place of another.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
@@ -108,6 +109,57 @@ pub fn checked(
         );
     }
     Ok(moves)
+}
+
+/// Makes sure that a repeat does not take what was written for files of the dataset.
+///
+/// # Errors
+/// If the folder to write to lies in that of the dataset.
+pub fn apart(dataset: &str, source: &Source, out: &Path) -> Result<()> {
+    let whole = source.form.as_ref().is_none_or(|form| form.whole);
+    let root = source.root.as_deref().filter(|_| whole);
+    let of_reader = source.reader.as_ref().and_then(|reader| reader.parameters.get("path")?.as_str());
+    let folders = [root, Some(Path::new(dataset)), of_reader.map(Path::new)];
+    for folder in folders.into_iter().flatten().filter(|folder| folder.is_dir()) {
+        if placed(out).starts_with(placed(folder)) {
+            return Err(Error::new(format!(
+                "the folder {} lies in the dataset {}, so a repeat could perturb what was written as well; name a folder outside of it with -o",
+                out.display(),
+                folder.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The place of a folder that need not be there yet, without links in the part of it that is.
+fn placed(folder: &Path) -> PathBuf {
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let real = whole
+        .ancestors()
+        .find_map(|there| Some(there.canonicalize().ok()?.join(whole.strip_prefix(there).ok()?)));
+    real.unwrap_or(whole)
+}
+
+/// Makes sure that no file of the result takes the place of another one.
+///
+/// # Errors
+/// If two pictures differ in their format alone, and are written in one.
+pub fn distinct(source: &Source, options: &Options) -> Result<()> {
+    let mut from: BTreeMap<String, &str> = BTreeMap::new();
+    for (name, role) in &source.contents.roles {
+        let target = match role {
+            Role::Picture => options.format.renamed(name),
+            role if role.is_placed() && options.labels == LabelsOption::Drop => continue,
+            _ => name.clone(),
+        };
+        if let Some(other) = from.insert(target.clone(), name) {
+            return Err(Error::new(format!(
+                "`{other}` and `{name}` would both be written as `{target}`; rename one of them, or leave --format out"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Whether a file could say where things are.

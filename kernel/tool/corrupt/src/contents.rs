@@ -7,7 +7,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::form::Form;
 use serde_json::Value;
-use walkdir::WalkDir;
+use walkdir::{DirEntry, WalkDir};
 
 use crate::labels::{coco, lines, records, yolo};
 
@@ -233,10 +233,11 @@ impl Contents {
 /// The files of a folder and of the folders in it that are not hidden.
 fn names(folder: &Path) -> Result<BTreeSet<String>> {
     let mut names = BTreeSet::new();
-    for entry in WalkDir::new(folder).follow_links(true) {
+    // The folder itself may be hidden, or be `.`.
+    let hidden = |entry: &DirEntry| entry.depth() > 0 && entry.file_name().to_string_lossy().starts_with('.');
+    for entry in WalkDir::new(folder).follow_links(true).into_iter().filter_entry(|entry| !hidden(entry)) {
         let entry = entry.place(format_args!("cannot list {}", folder.display()))?;
-        let hidden = entry.file_name().to_string_lossy().starts_with('.');
-        if !entry.file_type().is_file() || hidden {
+        if !entry.file_type().is_file() {
             continue;
         }
         let path = entry.path().strip_prefix(folder).unwrap_or(entry.path());
@@ -318,6 +319,7 @@ mod tests {
         write("record_1.json", r#"{"user/angle": 0.5}"#);
         write("voc.xml", "<annotation><bndbox/></annotation>");
         write(".hidden", "");
+        write(".thumbnails/images/val/a.jpg", "");
         let contents = Contents::of(dir.path(), &[]).unwrap();
         let role = |name: &str| contents.roles[name];
         assert_eq!(role("masks/train/c.png"), Role::Mask);
@@ -331,7 +333,7 @@ mod tests {
             (role("record_1.json"), role("voc.xml"), role("readme.txt")),
             (Role::Records, Role::Fixed, Role::Other)
         );
-        assert!(!contents.roles.contains_key(".hidden"));
+        assert!(contents.roles.keys().all(|name| !name.starts_with('.')), "{:?}", contents.roles);
         assert_eq!(
             contents.picture_named("b.png", "annotations/instances_val2017.json"),
             Some("val2017/b.png")

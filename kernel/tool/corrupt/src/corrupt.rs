@@ -11,7 +11,7 @@ use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value, json};
 
-use crate::checks::checked;
+use crate::checks::{apart, checked, distinct};
 use crate::conditions::Condition;
 use crate::contents::{Contents, Role};
 use crate::manifest::{Manifest, Written};
@@ -56,8 +56,8 @@ fn without_pictures(dataset: &str, unread: Option<&Error>) -> Error {
 /// Writes a dataset under each condition. `dataset` is a folder, or a reader with its parameters.
 ///
 /// # Errors
-/// If the dataset cannot be read, a perturbation fails or cannot say how it moves the labels, or something cannot be written. What was
-/// written stays, and the same call continues.
+/// If the dataset cannot be read, the folder to write to lies in it, two files would be written as one, a perturbation fails or cannot say how
+/// it moves the labels, or something cannot be written. What was written stays, and the same call continues.
 pub fn corrupt(
     registry: &Registry,
     dataset: &str,
@@ -66,6 +66,8 @@ pub fn corrupt(
     progress: &ProgressBar,
 ) -> Result<Done> {
     let source = source(registry, dataset, options)?;
+    apart(dataset, &source, &options.out)?;
+    distinct(&source, options)?;
     let mut done = Done { read_as: source.read_as.clone(), ..Done::default() };
     let moves = checked(registry, dataset, &source, conditions, options, &mut done.warnings)?;
     let units = units(&source, conditions.len(), options);

@@ -23,8 +23,9 @@ use crate::loaded::Loaded;
 use crate::repeats::{self, Drove};
 use crate::role::Role;
 use crate::side::Side;
-use crate::step::{Step, steps};
+use crate::step::{Step, budget, steps};
 use crate::stretch::Stretch;
+use crate::suite::Undecided;
 use crate::verdict::{DriverRecord, Entry, SuiteRecord, Verdict, seen};
 
 /// What a gate came to.
@@ -32,6 +33,8 @@ use crate::verdict::{DriverRecord, Entry, SuiteRecord, Verdict, seen};
 pub struct Judged {
     /// The verdict.
     pub verdict: Verdict,
+    /// What the suite says of requirements that are neither shown to be met nor shown not to be met.
+    pub undecided: Undecided,
     /// The scenarios that the new driver fails and the old one does not.
     pub failures: Vec<NewFailure>,
     /// How many drives or blocks were looked at, and how many the budget has.
@@ -93,9 +96,6 @@ pub fn run(mut loaded: Loaded, named: [&str; 2], options: Options) -> Result<Jud
         return Err(failure);
     }
     warnings.extend(finished.warnings);
-    let budget = steps(&loaded)
-        .map(|step| step.map(|step| if step.is_pair() { 2 } else { 1 }))
-        .sum::<Result<usize>>()?;
     for failure in &mut conduct.failures {
         if failure.record == Path::new("") {
             failure.record = finished.record.clone().unwrap_or_default();
@@ -104,8 +104,9 @@ pub fn run(mut loaded: Loaded, named: [&str; 2], options: Options) -> Result<Jud
     let mut speed = conduct.blocks.speed();
     speed.extend(finished.speed);
     Ok(Judged {
-        drives: (verdict.entries.len(), budget),
+        drives: (verdict.entries.len(), budget(&loaded)),
         verdict,
+        undecided: loaded.suite.test.undecided,
         failures: conduct.failures,
         known: conduct.known,
         record: finished.record,
@@ -139,8 +140,8 @@ struct UnderWay {
 /// What came of all drives of a scenario by one driver.
 struct Driven {
     entries: Vec<Entry>,
-    /// The last one of those that ended as most did, with its scenario, and whether it was known before.
-    telling: Option<(Came, Scenario, bool)>,
+    /// The last one of those that ended as most did, with its scenario.
+    telling: Option<(Came, Scenario)>,
 }
 
 /// Blocks of recordings in the record.
@@ -342,11 +343,13 @@ impl Conduct {
         };
         let seen = seen(old.as_deref(), &new);
         let passed = seen.old.as_ref().is_some_and(|old| !old.has_failed());
-        if let (true, true, Some((came, scenario, known))) = (passed, seen.new.has_failed(), telling) {
-            let record = sides[1].1.record.clone().filter(|_| known).unwrap_or_default();
+        if let (true, true, Some((came, scenario))) = (passed, seen.new.has_failed(), telling) {
+            let (id, new) = (scenario.id(), &sides[1].1);
+            // What this gate's own record has may have been known before, too.
+            let record = new.record.clone().filter(|_| new.known.contains_key(&id)).unwrap_or_default();
             self.failures.push(NewFailure {
                 title: step.title(),
-                id: scenario.id(),
+                id,
                 cause: came.ending(),
                 said: came.said(),
                 record,
@@ -370,7 +373,7 @@ impl Conduct {
     ) -> Result<Driven> {
         let mut driven = Driven { entries: Vec::new(), telling: None };
         let mut drove = Drove::default();
-        let mut came_of: Vec<(Came, Scenario, bool)> = Vec::new();
+        let mut came_of: Vec<(Came, Scenario)> = Vec::new();
         loop {
             for Given { scenario, state } in given.drain(..) {
                 let (came, known) =
@@ -383,14 +386,14 @@ impl Conduct {
                 let entry = Entry::new(loaded, step, (role, repeat), scenario.id(), &came);
                 drove.0.push(entry.failed());
                 driven.entries.push(entry);
-                came_of.push((came, scenario, known));
+                came_of.push((came, scenario));
             }
             if drove.is_over(most) {
                 break;
             }
             given.push(self.give(program, loaded, (role, side), step, drove.0.len() as u64)?);
         }
-        let as_most = |(came, ..): &(Came, Scenario, bool)| came.ending().failed() == drove.has_failed();
+        let as_most = |(came, _): &(Came, Scenario)| came.ending().failed() == drove.has_failed();
         driven.telling = came_of.into_iter().rfind(as_most);
         Ok(driven)
     }

@@ -19,8 +19,8 @@ pub struct Seen {
     pub old: Option<Drove>,
     /// The drives of the new driver.
     pub new: Drove,
-    /// The measure of a requirement about one; none if the drive did not come to its end.
-    pub measured: Option<f64>,
+    /// The measure of a requirement about one in each drive of the new driver; none if the drive did not come to its end.
+    pub measured: Vec<Option<f64>>,
 }
 
 /// What is known about a requirement.
@@ -306,7 +306,10 @@ impl Check {
                 }
             }
             Rule::Measure { below, above, need, of, good, .. } => {
-                *good += usize::from(seen.measured.is_some_and(|value| value < *below && value > *above));
+                let within = |value: &f64| *value < *below && *value > *above;
+                // The majority of the drives decides, and a tie counts as failed. A drive that was not measured meets no limit.
+                let met = seen.measured.iter().flatten().filter(|value| within(value)).count();
+                *good += usize::from(2 * met > seen.measured.len());
                 let left = *of - self.scenarios;
                 if *good >= *need {
                     Some(State::Met)
@@ -410,7 +413,7 @@ mod tests {
             let [old, new] = failed(&step);
             let drove = |failed: bool| Drove(vec![failed]);
             let old = step.is_pair().then(|| drove(old));
-            judge.look(&step, &Seen { old, new: drove(new), measured: (!new).then_some(0.3) });
+            judge.look(&step, &Seen { old, new: drove(new), measured: vec![(!new).then_some(0.3)] });
         }
         (judge.decide(), loaded.pairs())
     }
@@ -482,12 +485,41 @@ mod tests {
     }
 
     #[test]
+    fn the_measures_of_repeated_drives_meet_a_limit_if_most_of_them_do() {
+        let met = |limits: &str, measured: &[Option<f64>]| {
+            let measure =
+                format!("[[require]]\nkind = \"measure\"\nmeasure = \"time\"\n{limits}\non = [1, 1]");
+            let loaded = suite(&format!("{SMALL}\n{measure}")).unwrap();
+            let mut judge = Judge::new(&loaded);
+            let new = Drove(measured.iter().map(Option::is_none).collect());
+            let step = step(&loaded, Series::Requirement(0), 0).unwrap();
+            judge.look(&step, &Seen { old: None, new, measured: measured.to_vec() });
+            judge.decide().passed
+        };
+        // A drive that was not measured counts as the worst, whichever side the limit is on.
+        for (drives, passed) in [
+            (&[Some(0.2)][..], true),
+            (&[None], false),
+            (&[Some(0.2), None], false),
+            (&[Some(0.2), Some(0.9)], false),
+            (&[Some(0.2), None, Some(0.3)], true),
+            (&[Some(0.2), None, None], false),
+            (&[Some(0.2), Some(0.9), Some(0.3)], true),
+        ] {
+            assert_eq!(met("below = 0.5", drives), passed, "{drives:?}");
+            let above: Vec<_> = drives.iter().map(|drive| drive.map(|value| 1.0 - value)).collect();
+            assert_eq!(met("above = 0.5", &above), passed, "{above:?}");
+        }
+        assert!(!met("below = 0.5\nabove = 0.1", &[Some(0.0), Some(0.9), Some(0.3)]));
+    }
+
+    #[test]
     fn a_requirement_sees_no_scenario_of_another_one() {
         let loaded = suite(SMALL).unwrap();
         let mut judge = Judge::new(&loaded);
         let mut other = step(&loaded, Series::Drawn, 0).unwrap();
         other.series = Series::Requirement(7);
-        judge.look(&other, &Seen { old: None, new: Drove(vec![true]), measured: None });
+        judge.look(&other, &Seen { old: None, new: Drove(vec![true]), measured: vec![None] });
         assert_eq!(judge.decide().findings[0].scenarios, 0);
     }
 
@@ -523,7 +555,7 @@ mod tests {
             let mut judge = Judge::new(&loaded);
             for step in crate::step::steps(&loaded).take(3) {
                 let seen =
-                    Seen { old: Some(Drove(vec![false; 2])), new: Drove(new.to_vec()), measured: None };
+                    Seen { old: Some(Drove(vec![false; 2])), new: Drove(new.to_vec()), measured: vec![None] };
                 judge.look(&step.unwrap(), &seen);
             }
             judge.decide()

@@ -71,13 +71,6 @@ impl Drove {
     }
 }
 
-/// The measure of several drives: the one in the middle, where a drive that was not measured counts as the worst. None if most were not.
-pub fn measured(drives: &[Option<f64>]) -> Option<f64> {
-    let mut known: Vec<f64> = drives.iter().flatten().copied().collect();
-    known.sort_by(f64::total_cmp);
-    known.get(drives.len() / 2).copied()
-}
-
 /// A probability with its interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Chance {
@@ -244,16 +237,6 @@ mod tests {
             );
         }
         assert_eq!((Drove::at_first(1), Drove::at_first(5)), (1, 2));
-    }
-
-    #[test]
-    fn the_measure_of_several_drives_is_the_one_in_the_middle() {
-        assert_eq!(measured(&[Some(0.2)]), Some(0.2));
-        assert_eq!(measured(&[None]), None);
-        assert_eq!(measured(&[Some(0.4), Some(0.1), Some(0.2)]), Some(0.2));
-        assert_eq!(measured(&[Some(0.4), None, Some(0.2)]), Some(0.4));
-        assert_eq!(measured(&[None, None, Some(0.2)]), None);
-        assert_eq!(measured(&[Some(0.1), None]), None);
     }
 
     #[test]

@@ -86,8 +86,7 @@ impl Side {
         let known: BTreeMap<ScenarioId, Line> = replay.lines().map(|line| (line.id, line.clone())).collect();
         let driver = driver_of(folder, &known)?;
         let changes = replay.changes(session).unwrap_or_else(|error| vec![error.to_string()]);
-        let came = |(id, line): (ScenarioId, Line)| (id, Came::Drive(Box::new(line.outcome)));
-        let known = known.into_iter().map(came).collect();
+        let known = known.into_values().filter_map(came).collect();
         let components = replay.manifest().components.clone();
         Ok(Self::recorded(named, driver, known, components, changes.into_iter().next()))
     }
@@ -128,6 +127,12 @@ impl Side {
         });
         (side, told.into_iter().collect())
     }
+}
+
+/// What came of a recorded drive; none if a component failed, which decides nothing, so that it is driven again.
+fn came(line: Line) -> Option<(ScenarioId, Came)> {
+    let came = Came::Drive(Box::new(line.outcome));
+    came.error().is_none().then_some((line.id, came))
 }
 
 /// The driver of a record that holds evaluations of one driver and nothing else; none of another record.
@@ -197,4 +202,25 @@ fn of_file(file: &Path, catalog: &Catalog) -> Result<ComponentSpec> {
     let mut driver = ComponentSpec::new(name);
     driver.parameters.insert(parameter, Value::from(file.to_string_lossy()));
     Ok(driver)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_drive_in_which_a_component_failed_is_not_known() {
+        let line = |cause: &str| -> Line {
+            let value = json!({
+                "id": "00000000000000000000000000000001", "name": "x", "images_every": 0, "success": false, "cause": cause,
+                "time": 1.0, "frames": 5, "progress": 0.5, "mean_cross_track_error": 0.1, "max_cross_track_error": 0.2, "digest": "",
+                "scenario": {"simulator": {"name": "flat"}, "driver": {"name": "x"}, "duration": 1.0, "seed": 0},
+            });
+            serde_json::from_value(value).unwrap()
+        };
+        let failed = line("lane_departure");
+        assert_eq!(came(failed.clone()).map(|(id, _)| id), Some(failed.id));
+        assert!(came(line("error")).is_none());
+    }
 }

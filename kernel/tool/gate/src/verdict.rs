@@ -138,13 +138,19 @@ impl Entry {
     pub fn failed(&self) -> bool {
         self.cause.failed()
     }
+
+    /// All that came of the scenario, in a clause.
+    pub fn said(&self) -> String {
+        let measured = self.measured.map(|measured| format!(", the measure {measured}")).unwrap_or_default();
+        format!("{}{measured} with the checksum {}", self.cause.text(), self.checksum)
+    }
 }
 
 /// What came of a step, by the entries of its drives.
 pub fn seen(old: Option<&[Entry]>, new: &[Entry]) -> Seen {
     let drove = |entries: &[Entry]| Drove(entries.iter().map(Entry::failed).collect());
-    let measures: Vec<Option<f64>> = new.iter().map(|entry| entry.measured).collect();
-    Seen { old: old.map(drove), new: drove(new), measured: repeats::measured(&measures) }
+    let measured = new.iter().map(|entry| entry.measured).collect();
+    Seen { old: old.map(drove), new: drove(new), measured }
 }
 
 impl Verdict {

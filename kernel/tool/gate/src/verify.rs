@@ -164,7 +164,7 @@ pub fn verify(
         (true, Some(id)) => vec![entry_of(verdict, id)?],
         (true, None) => probes::drawn(&verdict.root, &wanted.draw, entries, wanted.probes),
     };
-    refuted.extend(repeat(&mut session, verdict, &scenarios, &places, bar)?);
+    refuted.extend(repeat(&mut session, (verdict, loaded), &scenarios, &places, bar)?);
     // What was chosen by a person says nothing about the others.
     let chances = if wanted.only.is_some() { Vec::new() } else { chances(places.len()) };
     Ok(Verified { entries, probes: places, refuted, chances, changes })
@@ -318,7 +318,7 @@ impl Settled<'_> {
 /// Gives entries to their drivers again, and says which come out differently.
 fn repeat(
     session: &mut Session,
-    verdict: &Verdict,
+    (verdict, loaded): (&Verdict, &Loaded),
     scenarios: &[(String, Scenario)],
     places: &[usize],
     bar: &ProgressBar,
@@ -343,14 +343,14 @@ fn repeat(
         let came = driven::came(scenario, answer?).map_err(|error| {
             error.at(format_args!("nothing can be verified, because a component failed in `{title}`"))
         })?;
-        let again = came.checksum(&entry.id);
-        if again != entry.checksum || came.ending() != entry.cause {
+        let step = step(loaded, entry.series, entry.number)?;
+        let again = Entry::new(loaded, &step, (entry.driver, entry.repeat), entry.id, &came);
+        if again != *entry {
             let text = format!(
-                "entry {place}, {title} with the {} driver: the verdict says {} with the checksum {}, and it came to {} with {again}",
+                "entry {place}, {title} with the {} driver: the verdict says {}, and it came to {}",
                 entry.driver.text(),
-                entry.cause.text(),
-                entry.checksum,
-                came.ending().text()
+                entry.said(),
+                again.said()
             );
             wrong.insert(place, text);
         }

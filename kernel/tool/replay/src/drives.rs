@@ -3,7 +3,7 @@
 use indicatif::ProgressBar;
 use pdk_loop::protocol::Drive;
 use pdk_model::outcome::{Cause, Outcome};
-use pdk_model::scenario::Scenario;
+use pdk_model::scenario::{Mode, Scenario};
 use pdk_record::ledger::Line;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::{Reply, Session};
@@ -24,6 +24,21 @@ pub fn check_failed(line: &Line, task: &str) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+/// Checks that a recorded scenario was not driven in real time; `vain` is a clause that says what is in vain if it was.
+///
+/// # Errors
+/// If it was driven in real time.
+pub fn check_lockstep(line: &Line, vain: &str) -> Result<()> {
+    match line.scenario.mode {
+        Mode::Lockstep => Ok(()),
+        Mode::Realtime => Err(Error::new(format!(
+            "scenario {} was driven in real time, where a drive depends on how fast the machine is, so {vain}; drive it in lockstep and name \
+             that drive",
+            line.id
+        ))),
+    }
 }
 
 /// Checks that a recorded scenario fails as it did.

@@ -8,7 +8,7 @@ use pdk_record::ledger::Line;
 use pdk_record::trace::step::Step;
 use pdk_sdk::error::{Error, Result};
 
-/// A text of digits up to this length is the number of a scenario; a longer one is an id.
+/// A text of digits up to this length may be the number of a scenario; a longer one is an id.
 const LONGEST_NUMBER: usize = 10;
 /// This many digits of an id have to be there, so that a word that happens to be hexadecimal is not one.
 const SHORTEST_ID: usize = 6;
@@ -55,7 +55,8 @@ impl Recorded {
 }
 
 /// The wanted ones of the scenarios in a ledger, in order, each once; all if none is named. A scenario is named by its number, by
-/// its id, or by a beginning of its id that no other has. `place` is what errors call the record.
+/// its id, or by a beginning of its id that no other has. Digits that could be both are the number, if there is such a scenario. `place`
+/// is what errors call the record.
 ///
 /// # Errors
 /// If a text does not name a scenario, or names several.
@@ -72,22 +73,30 @@ fn find(scenarios: &BTreeMap<u64, Line>, text: &str, place: &str) -> Result<u64>
     let last = scenarios.len().saturating_sub(1);
     let digits = !text.is_empty() && text.bytes().all(|c| c.is_ascii_digit());
     if digits && text.len() <= LONGEST_NUMBER {
-        let number = text.parse().ok().filter(|number| scenarios.contains_key(number));
-        return number.ok_or_else(|| {
+        if let Some(number) = text.parse().ok().filter(|number| scenarios.contains_key(number)) {
+            return Ok(number);
+        }
+        if text.len() < SHORTEST_ID {
             let count = scenarios.len();
-            Error::new(format!("{place} holds no scenario {text}; it has {count} of them, from 0 to {last}"))
-        });
+            return Err(Error::new(format!(
+                "{place} holds no scenario {text}; it has {count} of them, from 0 to {last}"
+            )));
+        }
     }
     if !(SHORTEST_ID..=ID).contains(&text.len()) || !text.bytes().all(|c| c.is_ascii_hexdigit()) {
         return Err(Error::new(format!(
             "`{text}` does not name a scenario; write its number, from 0 to {last}, its id, or the first {SHORTEST_ID} or more of the {ID} \
-             hexadecimal digits of that"
+             hexadecimal digits of that, unless they are the number of another scenario"
         )));
     }
     let beginning = text.to_ascii_lowercase();
     let mut fitting = scenarios.iter().filter(|(_, line)| line.id.to_string().starts_with(&beginning));
     match (fitting.next(), fitting.next()) {
         (Some((number, _)), None) => Ok(*number),
+        (None, _) if digits => Err(Error::new(format!(
+            "{place} holds no scenario {text}, and none whose id begins with it; the numbers go from 0 to {last}, and the ids stand in its \
+             scenarios.jsonl"
+        ))),
         (None, _) => Err(Error::new(format!(
             "{place} holds no scenario whose id begins with {text}; the ids stand in its scenarios.jsonl"
         ))),
@@ -140,6 +149,12 @@ mod tests {
             "abcdef begins the ids of several scenarios in run, such as 2 and 3; write more of its digits"
         );
         assert!(error("abcdef14").starts_with("run holds no scenario whose id begins with abcdef14; "));
+        // Six digits or more may be either, and are the number if there is one.
+        assert_eq!(numbers(&["123456"]).unwrap(), [1]);
+        assert_eq!(numbers(&["000001"]).unwrap(), [1]);
+        assert!(
+            error("123457").starts_with("run holds no scenario 123457, and none whose id begins with it; ")
+        );
         for text in ["", "abcde", "nominal", "-1", "1.5", &"a".repeat(33)] {
             assert!(
                 error(text).starts_with(&format!("`{text}` does not name a scenario; write its number")),

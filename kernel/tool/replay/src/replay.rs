@@ -145,6 +145,14 @@ impl Replay {
         names.into_iter().filter(own).map(said).collect()
     }
 
+    /// Refuses simulators that do not wait for the driver; `vain` is a clause that says what is in vain with them.
+    fn check_clock(&self, session: &Session, vain: &str) -> Result<()> {
+        match self.own_clock(session.catalog()).first() {
+            Some(sentence) => Err(Error::new(sentence.clone()).at(vain)),
+            None => Ok(()),
+        }
+    }
+
     /// Drives the scenarios again and compares; `film` is the video to write of the one or two scenarios that there are then. The session
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
@@ -189,7 +197,7 @@ impl Replay {
     /// Shrinks the first of the scenarios, and films what is left where a video is wanted. The session is over afterwards.
     ///
     /// # Errors
-    /// If there is no failure, the session cannot go on, or the video cannot be written.
+    /// If there is no failure, its drives do not repeat themselves, the session cannot go on, or the video cannot be written.
     pub fn shrink(
         &self,
         mut session: Session,
@@ -201,6 +209,7 @@ impl Replay {
         let Some(recorded) = self.scenarios.first() else {
             return Err(Error::new("there is no scenario to shrink"));
         };
+        self.check_clock(&session, "nothing can be shrunk")?;
         let shrunk = shrink::shrink(&mut session, &recorded.line, limits, progress)?;
         if let Some(clip) = clip {
             film_all(session, &[(&shrunk.scenario, clip)], progress)?;
@@ -212,7 +221,7 @@ impl Replay {
     /// afterwards.
     ///
     /// # Errors
-    /// If there is no failure, the session cannot go on, or a video cannot be written.
+    /// If there is no failure, its drives do not repeat themselves, the session cannot go on, or a video cannot be written.
     pub fn why(
         &self,
         mut session: Session,
@@ -223,9 +232,7 @@ impl Replay {
         let Some(recorded) = self.scenarios.first() else {
             return Err(Error::new("there is no scenario to explain"));
         };
-        if let Some(sentence) = self.own_clock(session.catalog()).first() {
-            return Err(Error::new(sentence.clone()).at("a cause cannot be proven"));
-        }
+        self.check_clock(&session, "a cause cannot be proven")?;
         let why = why::why(&mut session, &recorded.line, progress)?;
         if let Some([sufficient, necessary]) = clips {
             let films = [(&why.sufficient.scenario, sufficient), (&why.necessary.scenario, necessary)];

@@ -62,9 +62,10 @@ pub struct Limits {
 /// Shrinks a recorded scenario.
 ///
 /// # Errors
-/// If it did not fail, or does not any more, or the session cannot go on.
+/// If it did not fail, does not any more, or was driven in real time, or if the session cannot go on.
 pub fn shrink(session: &mut Session, line: &Line, limits: Limits, progress: &ProgressBar) -> Result<Shrunk> {
     drives::check_failed(line, "shrink")?;
+    drives::check_lockstep(line, "nothing can be shrunk")?;
     let mut shrinking = Shrinking {
         session,
         cause: line.outcome.cause,

@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 use pdk_model::during::{During, Span};
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::{Mode, Scenario, ScenarioId};
+use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_record::ledger::Line;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -57,12 +57,7 @@ pub struct Why {
 pub fn why(session: &mut Session, line: &Line, progress: &ProgressBar) -> Result<Why> {
     let Line { id, scenario, outcome, .. } = line;
     drives::check_failed(line, "explain")?;
-    if scenario.mode == Mode::Realtime {
-        return Err(Error::new(format!(
-            "scenario {id} was driven in real time, where a drive depends on how fast the machine is, so a cause cannot be proven; drive it in \
-             lockstep and ask about that"
-        )));
-    }
+    drives::check_lockstep(line, "a cause cannot be proven")?;
     if let Some(own) = scenario.perturbations.iter().find(|applied| applied.during.is_some()) {
         return Err(Error::new(format!(
             "{} of scenario {id} is limited by `during` already; ask about the scenario without that",

@@ -1,6 +1,7 @@
 //! The level of every frame, and courses beside it.
 
 use pdk_model::level::{FrameLevels, Level, MAX_INTENSITY};
+use pdk_model::level_scale::LevelScale;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Result};
 
@@ -11,6 +12,8 @@ pub const STEP: f64 = 0.25;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Course {
     rate: f64,
+    /// The lowest and the highest level that the perturbation reaches.
+    reach: (f64, f64),
     levels: Vec<f64>,
 }
 
@@ -28,7 +31,7 @@ impl Course {
                 ))
             })
         };
-        Ok(Self { rate, levels: (0..frames).map(level).collect::<Result<_>>()? })
+        Ok(Self { rate, reach: reach(applied), levels: (0..frames).map(level).collect::<Result<_>>()? })
     }
 
     /// The level of each frame.
@@ -36,10 +39,16 @@ impl Course {
         &self.levels
     }
 
-    /// The course with this much more at each frame, between the lowest and the highest level.
+    /// How much higher its lowest level can be.
+    pub fn room(&self) -> f64 {
+        self.levels.iter().map(|level| self.reach.1 - level).fold(0.0, f64::max)
+    }
+
+    /// The course with this much more at each frame, between the lowest and the highest level that the perturbation reaches.
     pub fn shifted(&self, by: impl Fn(usize) -> f64) -> Self {
-        let shift = |(frame, level): (usize, &f64)| (level + by(frame)).clamp(0.0, MAX_INTENSITY);
-        Self { rate: self.rate, levels: self.levels.iter().enumerate().map(shift).collect() }
+        let (low, high) = self.reach;
+        let shift = |(frame, level): (usize, &f64)| (level + by(frame)).clamp(low, high);
+        Self { levels: self.levels.iter().enumerate().map(shift).collect(), ..*self }
     }
 
     /// The course this share of the way to another one.
@@ -59,6 +68,15 @@ impl Course {
     }
 }
 
+/// The lowest and the highest level that a perturbation reaches, which on a measured scale may be less than the published ones.
+fn reach(applied: &AppliedPerturbation) -> (f64, f64) {
+    let measured = match &applied.level_scale {
+        Some(LevelScale::Measured(measured)) => measured.reach(),
+        _ => None,
+    };
+    measured.unwrap_or((0.0, MAX_INTENSITY))
+}
+
 /// The perturbations of a scenario on these courses.
 pub fn on_courses(perturbations: &[AppliedPerturbation], courses: &[Course]) -> Vec<AppliedPerturbation> {
     courses.iter().zip(perturbations).map(|(course, applied)| course.apply(applied)).collect()
@@ -68,6 +86,7 @@ pub fn on_courses(perturbations: &[AppliedPerturbation], courses: &[Course]) -> 
 mod tests {
     use super::*;
     use pdk_model::level::Pulse;
+    use pdk_model::level_scale::MeasuredScale;
 
     #[test]
     fn courses_stay_within_the_levels() {
@@ -78,6 +97,22 @@ mod tests {
         assert_eq!(course.towards(&other, 0.5).levels(), [3.5, 3.0, 2.5]);
         let applied = course.apply(&AppliedPerturbation::new("x", 1.0));
         assert_eq!([0.0, 0.1, 9.0].map(|time| applied.level.at(time)), [Some(3.5); 3]);
+    }
+
+    #[test]
+    fn courses_on_a_measured_scale_stay_within_its_reach() {
+        let points = vec![[0.5, 0.0], [3.25, 8.0]];
+        let scale = MeasuredScale { name: "own".to_owned(), version: 1, points };
+        let applied = AppliedPerturbation {
+            level_scale: Some(LevelScale::Measured(scale.clone())),
+            ..AppliedPerturbation::new("x", 3.0)
+        };
+        let course = Course::of(&applied, 2, 20.0).unwrap();
+        assert_eq!((course.room(), course.shifted(|_| 9.0).room()), (0.25, 0.0));
+        for changed in [course.shifted(|_| -9.0)].into_iter().chain(course.beside()) {
+            scale.check(&changed.apply(&applied).level).unwrap();
+        }
+        assert_eq!(course.shifted(|frame| 9.0 * frame as f64 - 4.0).levels(), [0.5, 3.25]);
     }
 
     #[test]

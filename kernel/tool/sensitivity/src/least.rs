@@ -5,7 +5,6 @@
 //! the error is the same by the derivative, as DeepFool does for pictures (Moosavi-Dezfooli et al., DeepFool, CVPR 2016). It is not claimed to be the
 //! least of all changes: a drive may come out otherwise far from where the derivative points.
 
-use pdk_model::level::MAX_INTENSITY;
 use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Error, Result};
 
@@ -195,13 +194,12 @@ impl Search<'_, '_> {
     fn uniform(&mut self) -> Result<Option<f64>> {
         const QUARTER: f64 = 0.25;
         let original = self.original.clone();
-        let lowest =
-            original.iter().flat_map(|course| course.levels()).copied().fold(MAX_INTENSITY, f64::min);
+        let room = original.iter().map(Course::room).fold(0.0, f64::max);
         let mut leaves = |by: f64| {
             let raised: Vec<Course> = original.iter().map(|course| course.shifted(|_| by)).collect();
             self.leaves(&raised)
         };
-        let quarters = ((MAX_INTENSITY - lowest) / QUARTER).ceil() as u32;
+        let quarters = (room / QUARTER).ceil() as u32;
         for quarter in 1..=quarters {
             let mut high = QUARTER * f64::from(quarter);
             if !leaves(high)? {

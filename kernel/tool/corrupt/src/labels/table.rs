@@ -1,5 +1,5 @@
-//! Tables with steering: a row for each frame, in the order of the frames. The column with the steering is the one whose numbers are
-//! those of the frames, up to a factor. Its signs are changed, and the pictures of the left and the right camera change places, if there are
+//! Tables with steering: a row for each frame, in the order of the frames. The columns with the steering are those whose numbers are
+//! those of the frames, up to a factor. Their signs are changed, and the pictures of the left and the right camera change places, if there are
 //! such columns. Nothing else is changed, so that the rest of the file stays as it was.
 
 use std::ops::Range;
@@ -23,13 +23,13 @@ type Sides = [usize; 2];
 /// to the left and to the right.
 ///
 /// # Errors
-/// If the rows are not those of the frames, or no column has the steering.
+/// If the rows are not those of the frames, no column has the steering, or it is not clear which ones have it.
 pub fn moved(
     text: &str,
     steering: &[f64],
     mirrored: &mut dyn FnMut(usize, &[&str]) -> Result<bool>,
 ) -> Result<String> {
-    let Steered { rows, column, sides } = steered(text, steering)?;
+    let Steered { rows, columns, sides } = steered(text, steering)?;
     let mut out = String::with_capacity(text.len() + rows.len());
     let mut written = 0;
     for (index, row) in rows.iter().enumerate() {
@@ -40,8 +40,8 @@ pub fn moved(
             continue;
         }
         let mut changes: Vec<(Range<usize>, String)> = Vec::new();
-        if is_steered {
-            let cell = row.cells[column].clone();
+        for column in columns.iter().filter(|_| is_steered) {
+            let cell = row.cells[*column].clone();
             let turned = match text[cell.clone()].strip_prefix('-') {
                 Some(positive) => positive.to_owned(),
                 None => format!("-{}", text[cell.clone()].trim_start_matches('+')),
@@ -76,8 +76,8 @@ pub fn check(text: &str, steering: &[f64]) -> Result<bool> {
 struct Steered {
     /// The rows of the frames.
     rows: Vec<Row>,
-    /// The column with their steering.
-    column: usize,
+    /// The columns with their steering.
+    columns: Vec<usize>,
     sides: Option<Sides>,
 }
 
@@ -105,13 +105,29 @@ fn steered(text: &str, steering: &[f64]) -> Result<Steered> {
             (own - known).abs() <= SAME * known.abs()
         })
     };
-    let columns = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
-    match (0..columns).find(holds) {
-        Some(column) => {
-            let sides = sides(text, header.as_ref(), &rows);
-            Ok(Steered { rows, column, sides })
+    let count = rows.iter().map(|row| row.cells.len()).max().unwrap_or(0);
+    let columns: Vec<usize> = (0..count).filter(holds).collect();
+    // A throttle that never changes is in proportion to a steering that never does, so then the numbers cannot tell them apart.
+    let mut turned = steering.iter().filter(|steering| steering.is_finite() && **steering != 0.0);
+    let first = turned.next();
+    let tells = turned.any(|steering| Some(steering) != first);
+    match columns.as_slice() {
+        [] => Err(Error::new("none of its columns has the steering of the frames")),
+        [one, another, ..] if first.is_some() && !tells => {
+            let title = |column: usize| match &header {
+                Some(header) => header.cells.get(column).map_or("", |cell| &text[cell.clone()]).to_owned(),
+                None => (column + 1).to_string(),
+            };
+            Err(Error::new(format!(
+                "the steering never changes, so it could be column `{}` or column `{}`",
+                title(*one),
+                title(*another)
+            )))
         }
-        None => Err(Error::new("none of its columns has the steering of the frames")),
+        _ => {
+            let sides = sides(text, header.as_ref(), &rows);
+            Ok(Steered { rows, columns, sides })
+        }
     }
 }
 
@@ -229,6 +245,24 @@ mod tests {
         let titled = "right,angle,Left\na,0.5,b\n";
         assert_eq!(moved(titled, &[0.5], &mut |_, _| Ok(true)).unwrap(), "right,angle,Left\nb,-0.5,a\n");
         assert!(check(titled, &[0.5]).unwrap() && !check("c,angle\na,0.5\n", &[0.5]).unwrap());
+    }
+
+    #[test]
+    fn the_steering_is_not_taken_for_another_column_that_is_like_it() {
+        // The throttle of a drive that never steers straight may be constant, too.
+        let text = "throttle,angle\n0.5,0.25\n0.5,0.25\n";
+        let error = |text: &str, steering: &[f64]| {
+            moved(text, steering, &mut |_, _| Ok(true)).unwrap_err().message().to_owned()
+        };
+        assert_eq!(
+            error(text, &[0.25, 0.25]),
+            "the steering never changes, so it could be column `throttle` or column `angle`"
+        );
+        assert!(error("0.5;x;0.25\n0;y;0", &[0.25, 0.0]).ends_with("column `1` or column `3`"));
+        // A drive straight ahead has nothing to turn, and one with different steerings tells.
+        assert_eq!(moved("0,0\n0,0", &[0.0, 0.0], &mut |_, _| Ok(true)).unwrap(), "0,0\n0,0");
+        let both = moved("5,a,0.5,1\n-2,b,-0.2,1", &[0.5, -0.2], &mut |_, _| Ok(true)).unwrap();
+        assert_eq!(both, "-5,a,-0.5,1\n2,b,0.2,1");
     }
 
     #[test]
