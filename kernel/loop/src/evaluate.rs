@@ -151,7 +151,11 @@ fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
 
 /// The first frame that a perturbation has to see, because it shows later ones something of it.
 fn earliest(chain: &Chain, job: &EvaluateFrames) -> usize {
-    job.from.saturating_sub(chain.history()).max(job.sequence)
+    job.from
+        .saturating_sub(chain.history())
+        .max(job.sequence)
+        .max(job.earliest.unwrap_or_default())
+        .min(job.from)
 }
 
 impl Evaluator {
