@@ -170,7 +170,8 @@ impl<'a> Run<'a> {
                     road: road.clone(),
                 };
                 let text = serde_json::to_string(&announced).map_err(|error| Fault::Kernel(error.into()))?;
-                with.bus.announce(&text)?;
+                // A folder that is full or gone says nothing about the scenario.
+                with.bus.announce(&text).map_err(|error| Fault::Kernel(Error::new(error.to_string())))?;
             }
             if !waypoints.is_empty() {
                 recorder.road(road);

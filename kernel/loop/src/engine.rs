@@ -83,11 +83,17 @@ impl<'a> Engine<'a> {
             return Answer::Broken(error.into());
         }
         let answer = match &job.work {
-            Work::Drive(drive) => match self.drive(drive, job, progress) {
-                Ok(driven) => Answer::Driven(driven),
-                Err(error) => Answer::Broken(error.into()),
-            },
+            Work::Drive(drive) => {
+                // One program serves one instance at a time.
+                self.evaluator = None;
+                match self.drive(drive, job, progress) {
+                    Ok(driven) => Answer::Driven(driven),
+                    Err(error) => Answer::Broken(error.into()),
+                }
+            }
             Work::Evaluate(frames) => {
+                // As above.
+                self.driver = None;
                 match evaluate::frames(&mut self.evaluator, self.registry, frames, progress) {
                     Ok(evaluated) => Answer::Evaluated(evaluated),
                     // It says nothing about the frames.

@@ -89,8 +89,7 @@ pub fn frames(
         match seen.map_err(|error| (error.kind(), error)) {
             Ok(()) => {}
             Err((ErrorKind::Configuration, error)) => return Err(error),
-            // What panicked may be in any state.
-            Err((ErrorKind::Panic, _)) => {
+            Err((kind, _)) if is_spent(kind) => {
                 evaluator = Evaluator::new(registry, job)?;
                 chain = self::chain(registry, job)?;
             }
@@ -107,7 +106,8 @@ pub fn frames(
         let frame = match found {
             Ok((truth, Seen::Control(control))) => EvaluatedFrame::Good { frame: name, truth, control },
             Ok((truth, Seen::Taken(taken))) => {
-                values += taken.size();
+                // What a predictor makes of frames before those is not sent.
+                values += if index >= job.start { taken.size() } else { 0 };
                 if values > MOST_VALUES {
                     return Err(Error::of(
                         ErrorKind::Configuration,
@@ -122,8 +122,7 @@ pub fn frames(
             }
             Err(Failed { error, .. }) if error.kind() == ErrorKind::Configuration => return Err(error),
             Err(Failed { error, by_driver }) => {
-                if error.kind() == ErrorKind::Panic {
-                    // What panicked may be in any state.
+                if is_spent(error.kind()) {
                     evaluator = Evaluator::new(registry, job)?;
                     chain = self::chain(registry, job)?;
                 }
@@ -139,6 +138,12 @@ pub fn frames(
     Ok(evaluated)
 }
 
+/// Whether components have to be made anew after such an error: what panicked may be in any state, and one whose program is gone does not
+/// start it again.
+fn is_spent(kind: ErrorKind) -> bool {
+    matches!(kind, ErrorKind::Panic | ErrorKind::Lost)
+}
+
 fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
     let make = |applied| Chain::new(registry, std::slice::from_ref(applied), job.seed);
     job.perturbation.as_ref().map(make).transpose()
@@ -146,7 +151,11 @@ fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
 
 /// The first frame that a perturbation has to see, because it shows later ones something of it.
 fn earliest(chain: &Chain, job: &EvaluateFrames) -> usize {
-    job.from.saturating_sub(chain.history()).max(job.sequence)
+    job.from
+        .saturating_sub(chain.history())
+        .max(job.sequence)
+        .max(job.earliest.unwrap_or_default())
+        .min(job.from)
 }
 
 impl Evaluator {

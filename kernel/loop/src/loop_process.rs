@@ -20,7 +20,7 @@ use pdk_supervise::supervisor::kill_group;
 use crate::engine::{BUS_ROOT, Engine};
 use crate::environment::Environment;
 use crate::lines::{self, Found};
-use crate::protocol::{Done, FromWorker, Hello, MINOR, Progress, Ready, ToWorker, VERSION, Work};
+use crate::protocol::{Done, FromWorker, Hello, MINOR, Progress, Ready, ToWorker, VERSION};
 
 /// How long taking leave of the components may take.
 const LEAVE: Duration = Duration::from_secs(10);
@@ -116,13 +116,13 @@ fn serve(
         };
         busy.store(true, Ordering::SeqCst);
         let number = job.number;
-        let is_evaluation = matches!(job.work, Work::Evaluate(_));
-        let (mut frames, mut told) = (0, Instant::now());
+        let (mut frames, mut told) = (0, None::<Instant>);
         let answer = engine.work(&job, &mut |more| {
             frames += more;
-            // In a drive the clock is looked at now and then only.
-            if (frames.is_multiple_of(8) || is_evaluation) && told.elapsed() >= PROGRESS {
-                told = Instant::now();
+            // The first frame says that the work has begun. Each later one may come only after a long time, and the session ends a worker
+            // that is silent.
+            if told.is_none_or(|told| told.elapsed() >= PROGRESS) {
+                told = Some(Instant::now());
                 let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
                 frames = 0;
             }

@@ -160,6 +160,9 @@ pub struct EvaluateFrames {
     pub seed: u64,
     /// The first frame of the sequence, from 0: the driver counts frames and time from here.
     pub sequence: usize,
+    /// The first frame before `from` that a perturbation may be shown, because the one before it ended the process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earliest: Option<usize>,
     /// The first frame that is driven. What the driver makes of those before `start` does not count.
     pub from: usize,
     /// The first frame whose result counts.

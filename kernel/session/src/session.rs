@@ -224,7 +224,8 @@ impl Session {
         }
     }
 
-    /// The next answer to any of these, in order of arrival; none if all of theirs have been taken.
+    /// The next answer to any of these; none if all of theirs have been taken. If several are there already, the one to the earliest
+    /// submission comes first.
     ///
     /// # Errors
     /// If the session is over.

@@ -293,7 +293,7 @@ impl Worker {
         let blameless = is_blameless(end) && self.tries < TRIES;
         // If no component was called, shared memory may have been changed, such as that of the topics.
         let unexplained = calls.is_empty()
-            && matches!(end, End::Signal(_) | End::Exited(_) | End::Unreadable(_))
+            && matches!(end, End::Signal(_) | End::Exited(_) | End::Silent | End::Unreadable(_))
             && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
@@ -324,7 +324,8 @@ impl Worker {
         process.supervised.kill();
         self.remove_part(process.supervised.child().id());
         self.generation += 1;
-        let _ = pdk_bus::sweep_run(&self.hello.run);
+        // Components may have topics of their own, which are not those of the run.
+        let _ = pdk_bus::sweep();
     }
 
     fn sentence(&self, end: &End, calls: &[Seen]) -> String {
@@ -336,6 +337,7 @@ impl Worker {
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"
             }
+            End::Silent => " (a component must not close files that it has not opened)",
             End::Signal(_) | End::Unreadable(_) => "",
         };
         end.said(calls) + remedy
@@ -398,7 +400,8 @@ impl Worker {
             self.say(&FromWorker::Trouble(sentence));
         }
         self.remove_part(supervised.child().id());
-        let _ = pdk_bus::sweep_run(&self.hello.run);
+        // As above.
+        let _ = pdk_bus::sweep();
     }
 }
 
@@ -407,7 +410,7 @@ fn is_blameless(end: &End) -> bool {
     match end {
         End::Done(_) => true,
         End::Signal(signal) => is_from_outside(*signal),
-        End::Exited(_) | End::Late(..) | End::Memory(_) | End::Unreadable(_) => false,
+        End::Exited(_) | End::Silent | End::Late(..) | End::Memory(_) | End::Unreadable(_) => false,
     }
 }
 
@@ -419,9 +422,23 @@ fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
             Some(end) => return Ok(end),
             None if started.elapsed() > Duration::from_secs(1) => {
                 supervised.kill();
-                return Ok(End::Exited(0));
+                return Ok(End::Silent);
             }
             None => std::thread::sleep(Duration::from_millis(1)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_closes_its_output_and_goes_on_is_ended_and_called_that() {
+        let mut command = Command::new("sleep");
+        command.arg("1000");
+        let mut process = Supervised::start(command, Limits::default(), true).unwrap();
+        let end = wait_or_kill(&mut process).unwrap();
+        assert_eq!(end.said(&[]), "a component closed the output of the process and did not end it");
     }
 }

@@ -49,6 +49,8 @@ pub enum End {
     Done(i32),
     /// It left with an exit code that was not asked for.
     Exited(i32),
+    /// It closed its output, went on, and was ended.
+    Silent,
     /// A signal ended it.
     Signal(i32),
     /// A call took too long.
@@ -155,11 +157,16 @@ pub fn is_from_outside(signal: i32) -> bool {
     matches!(signal, libc::SIGKILL | libc::SIGTERM | libc::SIGHUP | libc::SIGINT | libc::SIGQUIT)
 }
 
-/// The memory that a process has taken, in MiB; none if the system does not say.
+/// The memory that a process has taken, in MiB; none if the system does not say. Files that it has mapped do not count, because the
+/// system takes that memory back when others need it.
 pub fn resident(process: u32) -> Option<u64> {
-    let text = std::fs::read_to_string(format!("/proc/{process}/statm")).ok()?;
-    let pages: u64 = text.split_whitespace().nth(1)?.parse().ok()?;
-    Some((pages * rustix::param::page_size() as u64) >> 20)
+    let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let kibibytes = |name: &str| -> Option<u64> {
+        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+        line.split_whitespace().next()?.parse().ok()
+    };
+    let files = kibibytes("RssFile:").unwrap_or_default();
+    Some(kibibytes("VmRSS:")?.saturating_sub(files) >> 10)
 }
 
 impl End {
@@ -168,7 +175,7 @@ impl End {
         match self {
             End::Late(..) => ErrorKind::Late,
             End::Unreadable(_) => ErrorKind::Nonsense,
-            End::Done(_) | End::Exited(_) | End::Signal(_) | End::Memory(_) => ErrorKind::Lost,
+            End::Done(_) | End::Exited(_) | End::Silent | End::Signal(_) | End::Memory(_) => ErrorKind::Lost,
         }
     }
 
@@ -182,6 +189,7 @@ impl End {
             End::Done(code) | End::Exited(code) => {
                 format!("{culprit} ended the process with exit code {code}")
             }
+            End::Silent => format!("{culprit} closed the output of the process and did not end it"),
             End::Signal(signal) => format!("{culprit} was ended by {}", SignalName(*signal)),
             End::Late(call, patience) => format!("{call} has not come back for {} s", patience.as_secs_f64()),
             End::Memory(limit) => format!("{culprit} took more than {limit} MiB of memory"),
@@ -264,5 +272,34 @@ mod tests {
     fn memory_is_measured() {
         assert!(resident(std::process::id()).is_some_and(|memory| memory > 0 && memory < 1 << 20));
         assert!(resident(u32::MAX).is_none());
+    }
+
+    #[test]
+    fn a_mapped_file_is_not_memory_that_was_taken() {
+        let program = std::env::current_exe().unwrap();
+        let file = std::fs::File::open(program).unwrap();
+        let size = file.metadata().unwrap().len() as usize;
+        let (pages, mebibytes) = (64, (64 * size) >> 20);
+        assert!(mebibytes >= 16, "{size}");
+        let before = resident(std::process::id()).unwrap();
+        for _ in 0..pages {
+            // SAFETY: a new mapping of a whole file, which nothing writes to while it is read.
+            let memory = unsafe {
+                rustix::mm::mmap(
+                    std::ptr::null_mut(),
+                    size,
+                    rustix::mm::ProtFlags::READ,
+                    rustix::mm::MapFlags::SHARED | rustix::mm::MapFlags::POPULATE,
+                    &file,
+                    0,
+                )
+            };
+            assert!(memory.is_ok());
+        }
+        let after = resident(std::process::id()).unwrap();
+        assert!(
+            after < before + mebibytes as u64 / 2,
+            "{before} MiB, then {after} MiB with {mebibytes} MiB of files"
+        );
     }
 }

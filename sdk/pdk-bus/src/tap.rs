@@ -98,7 +98,7 @@ impl Tap {
         if run != LATEST {
             check_run_id(run)?;
         }
-        let deadline = Instant::now() + timeout;
+        let start = Instant::now();
         loop {
             if let Some(found) = find(&base, Some(run).filter(|run| *run != LATEST), slot)?
                 && let Some(link) = Link::open(&found.path, topic)?
@@ -106,7 +106,7 @@ impl Tap {
                 let looked = Instant::now();
                 return Ok(Self { base, run: found.run, slot, topic, link, looked, expected: None, lost: 0 });
             }
-            let left = deadline.saturating_duration_since(Instant::now());
+            let left = timeout.saturating_sub(start.elapsed());
             if left.is_zero() {
                 return Err(nothing_to_tap(&base, run, slot, topic, timeout));
             }

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, shared_memory};
 use pdk_tests::random::Random;
+use pdk_tests::records::wait_for_scenarios;
 use pdk_tests::{Pdk, temp};
 
 /// Scenarios of a run.
@@ -104,4 +105,29 @@ fn nonsense_in_shared_memory_costs_scenarios_and_never_the_run() {
         assert!(shared_memory(&buses).is_empty(), "round {round}: left {:?}", shared_memory(&buses));
         (round, done) = (round + 1, done + damages);
     }
+}
+
+#[test]
+fn a_folder_of_topics_that_is_removed_costs_no_scenario() {
+    let (folder, bus) = (temp(), BusFolder::new());
+    let out = folder.path().join("out");
+    let (variable, value) = bus.variable();
+    let mut child = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), SOURCE))
+        .set("scenarios", 200)
+        .env(variable, value)
+        .spawn();
+    wait_for_scenarios(&mut child, &out, 1);
+    let buses = bus.buses();
+    for run in std::fs::read_dir(bus.path()).unwrap() {
+        std::fs::remove_dir_all(run.unwrap().path()).unwrap();
+    }
+    let status = ended_within(&mut child, LIMIT).unwrap();
+    // Without the folder no one knows whose these files are.
+    shared_memory(&buses).iter().for_each(|file| _ = std::fs::remove_file(file));
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(lines.iter().filter(|line| line["cause"] != "error").count(), 200);
 }

@@ -323,3 +323,17 @@ fn a_trace_is_a_recording_of_what_the_driver_did() {
     }
     assert!(lines.iter().any(|line| number(line, "truth", "steering").abs() > 0.01));
 }
+
+#[test]
+fn a_frame_that_ends_the_process_costs_a_perturbation_that_shows_earlier_frames_no_other_frame() {
+    let folder = temp();
+    let source = r#"
+        local result = pdk.evaluate({
+            dataset = { name = "misbehave", how = "abort_in_read", at = 1 }, driver = "misbehave",
+            perturbations = { "frozen_frames" }, levels = { 3 }, trust = true,
+        })
+        assert(result.frames == 3, `{result.frames} frames`)
+    "#;
+    let pipeline = pdk_tests::process::pipeline(folder.path(), source);
+    Pdk::new(["run", "--out"]).arg(folder.path().join("record")).arg(pipeline).misbehave().succeed();
+}

@@ -2,7 +2,9 @@
 //! one that is lost costs nothing but time.
 
 use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 use pdk_record::trace::reader::{Entry, TraceReader};
 use pdk_tests::process::{LIMIT, json_lines, pipeline};
@@ -10,6 +12,7 @@ use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
 use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, onnx, temp};
 use rustix::process::Signal;
+use serde_json::json;
 
 const SOURCE: &str = r#"
     local scenarios = {}
@@ -327,4 +330,26 @@ fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_s
     assert_eq!((traces.len(), partial(&out)), (2, Vec::<PathBuf>::new()), "{traces:?}");
     assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert_eq!(bus.left(), Vec::<PathBuf>::new());
+}
+
+/// The session learns from it that the scenario is under way, however long the next frame takes.
+#[test]
+fn a_worker_reports_the_first_frame_at_once() {
+    let mut worker = Pdk::new(["worker"]).stdin(Stdio::piped()).spawn();
+    let plugin = pdk_tests::test_library("misbehave");
+    let search = json!({ "plugins": [plugin], "drop_ins": [] });
+    let hello = json!({ "protocol": 2, "minor": 2, "run": "first-frame", "patience": 60.0, "memory": 4096, "search": search });
+    let scenario = json!({
+        "simulator": { "name": "lane" }, "duration": 5.0, "seed": 7, "perturbations": [],
+        "driver": { "name": "misbehave", "parameters": { "how": "hang_in_drive", "at": 1 } },
+    });
+    let drive = json!({ "scenario": scenario, "name": "slow", "trace": null, "images_every": 0 });
+    let job = json!({ "number": 5, "slot": 0, "work": { "drive": drive } });
+    let mut input = worker.stdin.take().unwrap();
+    writeln!(input, "{}\n{}", json!({ "hello": hello }), json!({ "job": job })).unwrap();
+    let mut lines = BufReader::new(worker.stdout.take().unwrap()).lines();
+    let first = lines.find(|line| !line.as_ref().unwrap().contains("\"ready\"")).unwrap().unwrap();
+    assert_eq!(first, r#"{"progress":{"number":5,"frames":1}}"#);
+    drop(input);
+    assert!(ended_within(&mut worker, LIMIT).is_some());
 }

@@ -7,7 +7,7 @@ use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within};
 use pdk_tests::records::wait_for_scenarios;
 use pdk_tests::tried::{self, Tried, python};
-use pdk_tests::{Pdk, repository, target_folder, temp};
+use pdk_tests::{Pdk, datasets, repository, target_folder, temp};
 use serde_json::{Value, json};
 
 const SOURCE: &str = r#"
@@ -276,20 +276,19 @@ fn the_examples_drive() {
     }
 }
 
-#[test]
-fn a_driver_in_cpp_drives() {
+/// The program that this source in C++ makes; none if there is no compiler.
+fn compiled(folder: &Path, source: &Path) -> Option<PathBuf> {
     let compiler = Command::new("c++").arg("--version").stdout(Stdio::null()).status();
     if !compiler.is_ok_and(|status| status.success()) {
         eprintln!("skipped: there is no c++");
-        return;
+        return None;
     }
-    let folder = temp();
-    let (source, target) = (repository().join("sdk/pdk-driver-c"), target_folder());
-    let pilot: PathBuf = folder.path().join("pilot");
+    let (library, target, pilot) =
+        (repository().join("sdk/pdk-driver-c"), target_folder(), folder.join("pilot"));
     let compiled = Command::new("c++")
         .args(["-O2", "-Wall", "-Wextra", "-Werror", "-I"])
-        .arg(source.join("include"))
-        .arg(source.join("example/pilot.cpp"))
+        .arg(library.join("include"))
+        .arg(source)
         .arg("-L")
         .arg(&target)
         .arg("-lpdkdriver")
@@ -299,6 +298,93 @@ fn a_driver_in_cpp_drives() {
         .status()
         .unwrap();
     assert!(compiled.success());
+    Some(pilot)
+}
+
+/// A driver in C++ that ends at its fifth frame, unless there is a file that says that it has done so once.
+const FRAGILE: &str = r#"
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include "pdk_driver.h"
+
+int main(int, char **arguments) {
+    pdk_driver *driver = pdk_driver_open(nullptr);
+    pdk_frame frame;
+    for (int number = 0; driver != nullptr && pdk_driver_next(driver, &frame) == 1; ++number) {
+        if (number == 4 && !std::ifstream(arguments[1])) {
+            std::ofstream{arguments[1]};
+            std::exit(3);
+        }
+        pdk_driver_answer(driver, number % 2 == 0 ? 0.1 : -0.1, 0.2);
+    }
+    return 0;
+}
+"#;
+
+#[test]
+fn one_that_ends_at_a_frame_of_a_recording_is_started_again_for_the_next() {
+    let folder = temp();
+    let source = folder.path().join("fragile.cpp");
+    std::fs::write(&source, FRAGILE).unwrap();
+    let Some(pilot) = compiled(folder.path(), &source) else { return };
+    datasets::folder(&folder.path().join("data"), 12, 32, 24);
+    let source = r#"
+        local settings = pdk.settings({ data = "", driver = { name = "process" } })
+        local request = { dataset = settings.data, driver = settings.driver, perturbations = { "contrast" }, levels = { 1 }, trust = true }
+        local result = pdk.evaluate(request)
+        assert(result.frames == 11, `{result.frames} frames`)
+        -- The same worker starts the program once more for a drive, and then again for a recording.
+        pdk.drive({
+            simulator = { name = "lane", width = 64, height = 48 }, driver = settings.driver, duration = 0.2, scenarios = { {} },
+        })
+        result = pdk.evaluate(request)
+        assert(result.frames == 12, `{result.frames} frames`)
+    "#;
+    let driver = json!({"name": "process", "command": [pilot, folder.path().join("mark")]}).to_string();
+    let data = folder.path().join("data").display().to_string();
+    let run = tried::run(source, &[("driver", &driver), ("data", &data)]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    assert_eq!(run.causes(), ["time_out"]);
+    assert!(run.finished.stderr.contains("ended (exit status: 3)"), "{}", run.finished.stderr);
+}
+
+/// The topics of a program are not those of the run, and the process that made them cannot remove them.
+#[test]
+fn nothing_is_left_of_one_whose_perturbation_ends_the_process() {
+    let (folder, bus) = (temp(), BusFolder::new());
+    let source = folder.path().join("fragile.cpp");
+    std::fs::write(&source, FRAGILE).unwrap();
+    let Some(pilot) = compiled(folder.path(), &source) else { return };
+    std::fs::write(folder.path().join("mark"), "").unwrap();
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({
+            simulator = { name = "lane", width = 64, height = 48 }, duration = 1,
+            driver = { name = "process", command = pdk.settings({ command = {} }).command },
+            scenarios = { { perturbations = { { name = "misbehave", level = 1, how = "abort_in_apply", at = 5 } } } },
+        })
+        "#,
+    );
+    let (variable, place) = bus.variable();
+    let finished = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(folder.path().join("out"))
+        .arg(script)
+        .set("command", json!([pilot, folder.path().join("mark")]))
+        .env(variable, place)
+        .misbehave()
+        .run();
+    assert!(finished.stderr.contains("SIGABRT"), "{}", finished.stderr);
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+}
+
+#[test]
+fn a_driver_in_cpp_drives() {
+    let folder = temp();
+    let example = repository().join("sdk/pdk-driver-c/example/pilot.cpp");
+    let Some(pilot) = compiled(folder.path(), &example) else { return };
     let run = run(&json!({"name": "process", "command": [pilot]}), &[]);
     assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
     assert_eq!(run.lines.len(), 2);

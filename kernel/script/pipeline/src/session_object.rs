@@ -67,8 +67,9 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
         ApiMethod {
             name: "next",
             signature: "() -> (Outcome & { ticket: number })?",
-            doc: "Waits for the next outcome, in order of arrival. Returns nil if all have been taken. What comes first \
-                  depends on the machine: a pipeline whose way depends on it takes another one each time.",
+            doc: "Waits for the next outcome. If several are there already, the one that was submitted first comes first. \
+                  Returns nil if all have been taken. What comes first depends on the machine: a pipeline whose way depends \
+                  on it takes another one each time.",
             add: |registry, name| {
                 registry
                     .add_method_mut(name, |lua, session, ()| outcome(lua, |host| session.tickets.next(host)));

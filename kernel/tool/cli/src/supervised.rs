@@ -46,7 +46,7 @@ pub fn run() -> Result<ExitCode> {
     let code = match end {
         End::Done(code) => return Ok(ExitCode::from(code as u8)),
         End::Late(..) => LATE,
-        End::Exited(_) | End::Signal(_) | End::Memory(_) | End::Unreadable(_) => ENDED,
+        End::Exited(_) | End::Silent | End::Signal(_) | End::Memory(_) | End::Unreadable(_) => ENDED,
     };
     let remedy = match end {
         End::Exited(_) => " (a component has to return an error instead of ending its process)",

@@ -67,6 +67,7 @@ impl Stretch {
             perturbation: scenario.perturbations.first().cloned(),
             seed: scenario.seed,
             sequence: self.sequence,
+            earliest: None,
             from: self.from,
             start: self.start,
             end: self.end,

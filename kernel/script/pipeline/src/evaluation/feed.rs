@@ -78,7 +78,7 @@ impl<I: Iterator<Item = EvaluateFrames>> Feed<I> {
 }
 
 /// What a job came to. If a component took the process along, its frame is bad, the frames before it are driven again without it, and
-/// those behind it begin anew.
+/// those behind it begin anew, also for a perturbation that shows something of earlier frames.
 fn finish(
     session: &mut Session,
     mut job: EvaluateFrames,
@@ -109,7 +109,10 @@ fn finish(
             error: message.clone(),
             by_driver,
         };
-        let at = at.and_then(|at| usize::try_from(at).ok()).filter(|at| (job.from..job.end).contains(at));
+        // A perturbation also sees frames before the first that is driven. A worker that does not know `earliest` shows it the same ones
+        // again, and ends at the same frame.
+        let possible = job.earliest.unwrap_or(job.sequence)..job.end;
+        let at = at.and_then(|at| usize::try_from(at).ok()).filter(|at| possible.contains(at));
         let Some(at) = at else {
             found.extend((job.start..job.end).map(bad));
             return Ok(found);
@@ -122,7 +125,13 @@ fn finish(
         if at >= job.start {
             found.push(bad(at));
         }
-        job = EvaluateFrames { from: at + 1, start: job.start.max(at + 1), ..job };
+        let next = at + 1;
+        job = EvaluateFrames {
+            earliest: Some(next),
+            from: job.from.max(next),
+            start: job.start.max(next),
+            ..job
+        };
         if job.start >= job.end {
             return Ok(found);
         }

@@ -146,6 +146,7 @@ mod tests {
             perturbation: perturbation.map(|text| AppliedPerturbation::parse(text).unwrap()),
             seed: 0,
             sequence: 0,
+            earliest: None,
             from: start,
             start,
             end: start + 2,

@@ -104,6 +104,7 @@ impl Evaluation {
             perturbation: perturbation.cloned(),
             seed: self.seed,
             sequence: segment.sequence,
+            earliest: None,
             // Frames that follow a bad one begin anew.
             from: if frames.start == segment.start { segment.from } else { frames.start },
             start: frames.start,

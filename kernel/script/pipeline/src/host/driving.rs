@@ -122,7 +122,8 @@ impl Host {
         }
     }
 
-    /// Waits for the next of several outcomes, in order of arrival; none if all have been taken.
+    /// Waits for the next of several outcomes; none if all have been taken. If several are there already, the earliest submission comes
+    /// first.
     pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Result<Value>)>> {
         let taken = self.take_next(among)?;
         Ok(taken.map(|ticket| (ticket, self.row(ticket))))

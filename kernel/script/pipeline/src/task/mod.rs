@@ -65,6 +65,7 @@ impl TaskEvaluation {
             perturbation: perturbation.cloned(),
             seed: self.seed,
             sequence: segment.sequence,
+            earliest: None,
             from: segment.from,
             start: segment.start,
             end: segment.end,
