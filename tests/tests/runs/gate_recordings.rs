@@ -262,8 +262,11 @@ fn mistakes_are_named() {
         1,
         &["names no measure of outcomes; they are steering_error, max_steering_error, throttle_error"],
     );
-    with(&format!("{SUITE}{}", measure.replace("max_jerk", "steering_error").replace("[1, 2]", "[1, 2000]")))
-        .fail(1, &["blocks, which is not enough for `requirement 1 ", "set a smaller `block`"]);
+    let long =
+        format!("{SUITE}{}", measure.replace("max_jerk", "steering_error").replace("[1, 2]", "[1, 2000]"));
+    with(&long).fail(1, &["blocks, which is not enough for `requirement 1 ", "set a smaller `block`"]);
+    // The first blocks would have decided, but none was looked at.
+    assert!(!folder.path().join(format!("out-{}/blocks.jsonl", long.len())).exists());
     with(SUITE).args(["--clips", "clips"]).fail(1, &["clips are of drives"]);
     // Pictures without a recorded steering.
     let pictures: PathBuf = folder.path().join("pictures");

@@ -336,6 +336,11 @@ fn one_simulator_is_enough_if_the_number_of_workers_is_not_set() {
     assert_eq!(lines_of(&out).len(), 4);
     let replayed = Pdk::new(["replay"]).arg(&out).run();
     assert!(!replayed.stderr.contains("is not at"), "{}", replayed.stderr);
+    // What fails once in a simulator with its own clock need not fail again, so nothing smaller follows from it.
+    Pdk::new(["shrink", "--scenario", "0"])
+        .arg(&out)
+        .folder(folder.path())
+        .fail(1, &["nothing can be shrunk", "simulator `donkey` has its own clock"]);
     // Of two workers the one that finds none leaves its work to the other one, which has enough of it until then, and the only one
     // ends the run.
     let driven = run_for("two", &simulator, 4).set("workers", 2).succeed();

@@ -23,7 +23,7 @@ use crate::loaded::Loaded;
 use crate::repeats::{self, Drove};
 use crate::role::Role;
 use crate::side::Side;
-use crate::step::{Step, budget, steps};
+use crate::step::{Step, steps};
 use crate::stretch::Stretch;
 use crate::suite::Undecided;
 use crate::verdict::{DriverRecord, Entry, SuiteRecord, Verdict, seen};
@@ -104,7 +104,7 @@ pub fn run(mut loaded: Loaded, named: [&str; 2], options: Options) -> Result<Jud
     let mut speed = conduct.blocks.speed();
     speed.extend(finished.speed);
     Ok(Judged {
-        drives: (verdict.entries.len(), budget(&loaded)),
+        drives: (verdict.entries.len(), conduct.budget),
         verdict,
         undecided: loaded.suite.test.undecided,
         failures: conduct.failures,
@@ -177,6 +177,8 @@ impl Blocks {
 struct Conduct {
     entries: Vec<Entry>,
     failures: Vec<NewFailure>,
+    /// How many drives or blocks all scenarios take, each once.
+    budget: usize,
     /// How many outcomes were known before.
     known: usize,
     blocks: Blocks,
@@ -202,6 +204,10 @@ impl Conduct {
             }
         }
         loaded.open(&catalog, &mut |dataset| program.recording(dataset))?;
+        // A scenario that cannot be drawn is reported before the first drive, and not in the place of a verdict.
+        self.budget = steps(loaded)
+            .map(|step| step.map(|step| if step.is_pair() { 2 } else { 1 }))
+            .sum::<Result<usize>>()?;
         let sides = [(Role::Old, old), (Role::New, new)];
         let decision = self.decide(program, loaded, &sides)?;
         Ok((sides, decision, told))

@@ -38,7 +38,7 @@ pub struct Step {
 impl Step {
     /// Whether both drivers drive it.
     pub fn is_pair(&self) -> bool {
-        is_pair(self.series)
+        !matches!(self.series, Series::Requirement(_))
     }
 
     /// What tables call it.
@@ -57,21 +57,6 @@ impl Step {
 /// # Errors
 /// The iterator has an error if no valid road can be drawn.
 pub fn steps(loaded: &Loaded) -> impl Iterator<Item = Result<Step>> + '_ {
-    numbered(loaded).map(move |(series, number)| step(loaded, series, number))
-}
-
-/// How many drives or blocks all scenarios of a suite take, each once by every driver that drives it.
-pub fn budget(loaded: &Loaded) -> usize {
-    numbered(loaded).map(|(series, _)| if is_pair(series) { 2 } else { 1 }).sum()
-}
-
-/// Whether both drivers drive the scenarios of a series.
-fn is_pair(series: Series) -> bool {
-    !matches!(series, Series::Requirement(_))
-}
-
-/// The series and the number of each scenario of a suite, in order.
-fn numbered(loaded: &Loaded) -> impl Iterator<Item = (Series, usize)> {
     let suite = &loaded.suite;
     let fixed = (0..suite.scenarios.len()).map(|number| (Series::Fixed, number));
     let required = suite.required();
@@ -86,7 +71,7 @@ fn numbered(loaded: &Loaded) -> impl Iterator<Item = (Series, usize)> {
         .flatten()
         .collect();
     let drawn = (0..loaded.pairs()).map(|number| (Series::Drawn, number));
-    fixed.chain(measured).chain(drawn)
+    fixed.chain(measured).chain(drawn).map(move |(series, number)| step(loaded, series, number))
 }
 
 /// A scenario of a suite by its series and number.
@@ -295,10 +280,8 @@ mod tests {
         assert_eq!(steps(&loaded).next().unwrap().unwrap_err().to_string(), {
             "the recordings have 0 blocks, which is not enough for `requirement 1 1`; name longer recordings, or set a smaller `block`"
         });
-        // Scenarios are counted without being drawn.
-        assert_eq!(budget(&loaded), 3);
         loaded.open(&Default::default(), &mut open_recorded(4000, &[0, 1000])).unwrap();
-        assert_eq!((loaded.pairs(), budget(&loaded)), (200, 403));
+        assert_eq!(loaded.pairs(), 200);
         let all: Vec<Step> = steps(&loaded).collect::<Result<_>>().unwrap();
         assert_eq!(all.len(), 203);
         assert!(all[..3].iter().all(|step| !step.is_pair() && step.place.is_none()));
