@@ -49,6 +49,8 @@ pub const REPORT: &str = "report.html";
 pub const VERDICT: &str = "verdict.json";
 /// The folder of the clips that the page shows.
 pub const CLIPS: &str = "clips";
+/// The name of the folder for files that other tools read.
+pub const EXPORT: &str = "export";
 /// The name of the file with one line a block of a recording that a gate had drivers look at.
 pub const BLOCKS: &str = "blocks.jsonl";
 
@@ -79,6 +81,7 @@ pub fn is_own(name: &str) -> bool {
         REPORT,
         VERDICT,
         CLIPS,
+        EXPORT,
         BLOCKS,
         LAYOUT,
         LOCK,
@@ -126,8 +129,11 @@ impl RunDirectory {
                 Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
             })?;
         }
-        if !is_ours(path)? {
-            return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
+        if let Some(other) = foreign(path)? {
+            return Err(Error::new(format!(
+                "the output folder {} is not empty (it holds `{other}`, which is not of a record that can be continued); {remedy}",
+                path.display()
+            )));
         }
         // Fails now rather than after an hour where the folder is read-only.
         let lock = File::options().create(true).append(true).open(path.join(LOCK)).map_err(|error| {
@@ -316,8 +322,8 @@ fn is_saved(name: &str) -> bool {
     name.ends_with(".json") || name.ends_with(".csv")
 }
 
-/// Whether a folder holds nothing but a record or the beginning of one.
-fn is_ours(path: &Path) -> Result<bool> {
+/// What a folder holds besides a record or the beginning of one; none if it holds nothing else.
+fn foreign(path: &Path) -> Result<Option<String>> {
     let begun = path.join(MANIFEST).is_file();
     let place = |error| Error::new(format!("cannot read the output folder {} ({error})", path.display()));
     for entry in fs::read_dir(path).map_err(place)? {
@@ -327,13 +333,13 @@ fn is_ours(path: &Path) -> Result<bool> {
         let whole = file::whole_of(&name);
         let saved = is_saved(whole.unwrap_or(&name));
         let lines = [SCENARIOS, RESULTS, JOURNAL, BLOCKS].contains(&&*name) || PARTS.contains(&&*name);
-        let made_of_it = [TRACES, REPORT, CLIPS].contains(&whole.unwrap_or(&name));
+        let made_of_it = [TRACES, REPORT, CLIPS, EXPORT].contains(&whole.unwrap_or(&name));
         let known = name == LOCK || whole == Some(MANIFEST) || begun && (saved || lines || made_of_it);
         if !known {
-            return Ok(false);
+            return Ok(Some(name.into_owned()));
         }
     }
-    Ok(true)
+    Ok(None)
 }
 
 #[cfg(test)]
@@ -399,13 +405,15 @@ mod tests {
         drop(directory);
         fs::write(folder.join(SCENARIOS), "").unwrap();
         let error = RunDirectory::create(&folder).unwrap_err().to_string();
-        assert!(error.ends_with("is not empty; choose another with --out"), "{error}");
+        assert!(error.contains("is not empty (it holds `scenarios.jsonl`, "), "{error}");
+        assert!(error.ends_with("; choose another with --out"), "{error}");
         fs::remove_file(folder.join(SCENARIOS)).unwrap();
         assert!(RunDirectory::create(&folder).unwrap().manifest().unwrap().is_none());
         // What a run had saved when it ended does not keep it from going on.
         for name in [MANIFEST, "search.csv", "search.json.123.part", "report.html.9.part", PARTS[0]] {
             fs::write(folder.join(name), "").unwrap();
         }
+        fs::create_dir(folder.join(EXPORT)).unwrap();
         let directory = RunDirectory::create(&folder).unwrap();
         assert!(folder.join("search.csv").exists() && !folder.join("search.json.123.part").exists());
         assert!(!folder.join(PARTS[0]).exists());

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use pdk_components::hash;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::error::Result;
-use serde_json::Value;
 
 use crate::files::{FileRecord, recorded};
 use crate::manifest::Manifest;
+use crate::texts::replace;
 
 /// The folder in which a run was started, as seen from the folder of its record; empty if it is not one of the folders around the record.
 pub fn from_record(record: &Path) -> PathBuf {
@@ -77,23 +77,9 @@ impl Located {
             return Ok(scenario.clone());
         }
         let mut value = serde_json::to_value(scenario)?;
-        replace(&mut value, &found);
+        replace(&mut value, &|text| found.get(text).map(|(path, _)| path.clone()));
         let mut located: Scenario = serde_json::from_value(value)?;
         located.files = found.into_values().collect();
         Ok(located)
-    }
-}
-
-/// Puts paths in the places of the texts that named them.
-fn replace(value: &mut Value, found: &BTreeMap<String, (String, String)>) {
-    match value {
-        Value::String(text) => {
-            if let Some((path, _)) = found.get(text) {
-                text.clone_from(path);
-            }
-        }
-        Value::Array(items) => items.iter_mut().for_each(|item| replace(item, found)),
-        Value::Object(fields) => fields.values_mut().for_each(|value| replace(value, found)),
-        _ => {}
     }
 }

@@ -16,6 +16,8 @@ use pdk_sdk::input_files::InputFiles;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::difference::{difference, differs};
+use crate::evaluated::EvaluationRecord;
 use crate::files::{FileRecord, recorded};
 use crate::inputs::{self, Tick};
 use crate::shard::Shard;
@@ -109,15 +111,6 @@ pub struct ComponentRecord {
     pub info: Vec<(String, String)>,
 }
 
-/// An evaluation of a dataset.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EvaluationRecord {
-    /// The reader of its frames.
-    pub dataset: ComponentSpec,
-    /// The driver under test.
-    pub driver: ComponentSpec,
-}
-
 /// The machine of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Machine {
@@ -164,6 +157,11 @@ impl Manifest {
         }
         if let Some(difference) = self.changed_parts(recorded, true).into_iter().next() {
             return Err(difference);
+        }
+        for (number, (is, was)) in self.evaluations.iter().zip(&recorded.evaluations).enumerate() {
+            if let Some(difference) = is.difference(number, was).map_err(|error| error.to_string())? {
+                return Err(difference);
+            }
         }
         self.machine = recorded.machine.clone();
         self.components.extend(recorded.components.iter().cloned());
@@ -229,10 +227,17 @@ impl Manifest {
             if !file.group.is_empty() && named.iter().any(|path| path.starts_with(&file.path)) {
                 continue;
             }
-            let same = |known: &&FileRecord| known.path == file.path && known.group == file.group;
-            if let Some(difference) =
-                recorded.files.iter().find(same).and_then(|known| file.difference(known))
-            {
+            if recorded.files.contains(file) {
+                continue;
+            }
+            // A folder may have several groups of one kind, such as two files with labels, of which each is used when it is come to.
+            let other = |known: &&FileRecord| {
+                known.path == file.path && known.group == file.group && !self.files.contains(known)
+            };
+            let mut others = recorded.files.iter().filter(other);
+            let first = others.next();
+            let alike = first.into_iter().chain(others).find(|known| known.count == file.count);
+            if let Some(difference) = alike.or(first).and_then(|known| file.difference(known)) {
                 named.push(&file.path);
                 changed.push(difference);
             }
@@ -240,29 +245,6 @@ impl Manifest {
         changed.dedup();
         changed
     }
-}
-
-fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
-    format!("{what} was {was} and is {is}")
-}
-
-/// The first value within another that differs, with its place and both values; what is not there is null.
-pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
-    if let (Value::Object(was), Value::Object(is)) = (was, is) {
-        let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
-        return names.into_iter().find_map(|name| {
-            let place = if place.is_empty() { name.clone() } else { format!("{place}.{name}") };
-            let value = |table: &Map<String, Value>| table.get(name).cloned().unwrap_or_default();
-            difference(&place, &value(was), &value(is))
-        });
-    }
-    if let (Value::Array(was), Value::Array(is)) = (was, is)
-        && was.len() == is.len()
-    {
-        let mut pairs = was.iter().zip(is).enumerate();
-        return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
-    }
-    (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
 }
 
 impl ComponentRecord {
@@ -321,11 +303,21 @@ fn texts(value: &Value) -> Vec<&str> {
     }
 }
 
+/// What tells a group of files from the others.
+fn group_key(group: &InputFiles) -> (PathBuf, String, Vec<PathBuf>) {
+    let mut names = group.names.clone();
+    names.sort();
+    names.dedup();
+    (recorded(&group.folder), group.what.clone(), names)
+}
+
 /// The components and files that a run uses, collected while it is set up.
 #[derive(Debug, Default)]
 pub struct InUse {
     components: BTreeSet<ComponentRecord>,
     files: BTreeSet<FileRecord>,
+    /// The groups of files that were read, by folder, kind and sorted names, each with its hash.
+    groups: BTreeMap<(PathBuf, String, Vec<PathBuf>), String>,
 }
 
 impl InUse {
@@ -424,13 +416,27 @@ impl InUse {
     /// An error of `tick`, which is called with the number of files of a group that have been read.
     pub fn add_input_files(&mut self, groups: &[InputFiles], tick: &mut Tick<'_>) -> Result<()> {
         for group in groups {
-            let folder = recorded(&group.folder);
-            let known = |file: &FileRecord| file.path == folder && file.group == group.what;
-            if !self.files.iter().any(known) {
-                self.files.extend(inputs::records(group, tick)?);
+            let key = group_key(group);
+            if self.groups.contains_key(&key) {
+                continue;
             }
+            let records = inputs::records(group, tick)?;
+            self.groups.extend(records.first().map(|all| (key, all.blake3.clone())));
+            self.files.extend(records);
         }
         Ok(())
+    }
+
+    /// The hash of a single file that was noted; none if it was not.
+    pub fn hash_of(&self, path: &Path) -> Option<&str> {
+        let place = recorded(path);
+        let noted = self.files.iter().find(|file| file.path == place && file.group.is_empty());
+        noted.map(|file| file.blake3.as_str())
+    }
+
+    /// The hash of a group of files that was noted; none if it was not.
+    pub fn content_of(&self, group: &InputFiles) -> Option<&str> {
+        self.groups.get(&group_key(group)).map(String::as_str)
     }
 
     /// The record of what has a component's code. A library, which many components share, is read once.
@@ -458,3 +464,6 @@ impl InUse {
         self.files.iter().cloned().collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

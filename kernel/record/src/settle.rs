@@ -42,8 +42,18 @@ impl Settler<'_> {
         self.component(Kind::Simulator, &mut scenario.simulator);
         self.component(Kind::Driver, &mut scenario.driver);
         self.perturbations(&mut scenario.perturbations);
+        scenario.files = self.files(&components_of(scenario), &scenario.perturbations);
+    }
+
+    /// The contents of the files and folders that components and perturbations name.
+    pub fn files(
+        &mut self,
+        components: &[(Kind, ComponentSpec)],
+        perturbations: &[AppliedPerturbation],
+    ) -> BTreeMap<String, String> {
         let mut files = BTreeMap::new();
-        for (kind, component) in components_of(scenario) {
+        for (kind, component) in components {
+            let kind = *kind;
             let parameters = self.paths(kind, &component.name);
             let named = parameters.iter().filter_map(|name| component.parameters.get(name)?.as_str());
             // What stands for a file of the user's is what that file holds.
@@ -57,12 +67,22 @@ impl Settler<'_> {
             let script = is_mask_script(kind, &component.name).then_some(component.name.as_str());
             named.chain(script).for_each(|path| self.note(path, &mut files));
         }
-        for perturbation in &scenario.perturbations {
+        for perturbation in perturbations {
             if let Some(Region::Mask(path)) = &perturbation.region {
                 self.note(path, &mut files);
             }
         }
-        scenario.files = files;
+        files
+    }
+
+    /// The contents of the files that a component names in lists, such as a program with its arguments.
+    pub fn listed_files(&mut self, component: &ComponentSpec) -> BTreeMap<String, String> {
+        let mut files = BTreeMap::new();
+        let lists = component.parameters.values().filter_map(Value::as_array).flatten();
+        for path in lists.filter_map(Value::as_str).filter(|path| Path::new(path).is_file()) {
+            self.note(path, &mut files);
+        }
+        files
     }
 
     /// The parameters of a component that name files or folders.

@@ -154,7 +154,8 @@ def _evaluated(record):
     found = []
     for evaluation in evaluations:
         number = evaluation["evaluation"]
-        driver = told[number]["driver"]["name"] if number < len(told) else f"evaluation {number}"
+        own = told[number] if number < len(told) else {}
+        driver = (own.get("driver") or own.get("predictor") or {"name": f"evaluation {number}"})["name"]
         prefix = f"{number + 1}: {driver}/" if len(evaluations) > 1 else ""
         for row in evaluation["rows"]:
             step = round(STEPS * row["level"])

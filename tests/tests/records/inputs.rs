@@ -102,6 +102,55 @@ fn another_picture_of_a_dataset_is_another_run() {
     }
 }
 
+/// Evaluates as the file beside the pipeline says, which is not part of the pipeline's text.
+#[test]
+fn another_evaluation_is_another_run() {
+    let folder = temp();
+    let project = folder.path().join("project");
+    fs::create_dir(&project).unwrap();
+    datasets::tub(&project.join("tub"), 3, 32, 24);
+    for name in ["pilot.onnx", "other.onnx"] {
+        onnx::pilot(&project.join(name), 3, 24, 32);
+    }
+    let source = r#"
+        local settings = pdk.settings({ perturbations = { "contrast" } })
+        -- A driver that cannot be ranked uses up a number.
+        local function evaluate(name, trust)
+            return pcall(pdk.evaluate, { dataset = pdk.path("tub"), driver = { name = "onnx", model = pdk.path(name) },
+                perturbations = settings.perturbations, levels = { 1 }, trust = trust })
+        end
+        local first = evaluate("pilot.onnx", false)
+        local second, result = evaluate("other.onnx", true)
+        assert(not first and second, result)
+        print("evaluation", result.evaluation)
+    "#;
+    let (script, out) = (pipeline(&project, source), folder.path().join("record"));
+    let ran = run(&out, &script).succeed();
+    assert!(ran.stdout.contains("evaluation\t1") || ran.stdout.contains("evaluation 1"), "{}", ran.stdout);
+    let expected = files(&out);
+    run(&out, &script).succeed();
+    assert_equal(&out, &expected);
+    // Another place is not another evaluation.
+    fs::rename(&project, folder.path().join("moved")).unwrap();
+    let script = folder.path().join("moved").join(script.file_name().unwrap());
+    let results = fs::read(out.join("results.jsonl")).unwrap();
+    run(&out, &script).succeed();
+    assert_eq!(fs::read(out.join("results.jsonl")).unwrap(), results);
+    let manifest = out.join("manifest.json");
+    let told = json_file(&manifest)["evaluations"].clone();
+    assert_eq!(told.as_array().unwrap().len(), 2);
+    assert!(json_lines(&out.join("results.jsonl")).iter().all(|line| line["evaluation"] == 1));
+    // As if the record were of another level.
+    let text = fs::read_to_string(&manifest).unwrap();
+    let mut other = json_file(&manifest);
+    other["evaluations"][1]["perturbations"][0]["level"] = 2.into();
+    fs::write(&manifest, other.to_string()).unwrap();
+    let difference = "`evaluations[1].perturbations[0].level` was 2.0 and is 1.0";
+    run(&out, &script).fail(1, &["another run", difference]);
+    fs::write(&manifest, text).unwrap();
+    run(&out, &script).succeed();
+}
+
 #[test]
 fn another_module_of_a_program_is_another_run() {
     let folder = temp();

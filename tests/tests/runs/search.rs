@@ -340,6 +340,44 @@ fn a_scenario_that_crashes_its_worker_is_a_test_like_any_other() {
 }
 
 #[test]
+fn what_would_be_ignored_is_refused() {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let search = |fields: &str| {
+        format!(
+            "pdk.search({{ space = {{ x = {{ real = {{ 0, 1 }} }} }}, objectives = {{ y = 'minimise' }}, stop = {{ evaluations = 2 }}, \
+             evaluate = function(values) return {{ objectives = {{ y = values.x }} }} end, {fields} }})"
+        )
+    };
+    let random = "strategy = 'random'";
+    let twice = format!(
+        "{} {}",
+        search("name = 'a', strategy = 'random'"),
+        search("name = 'a', strategy = 'random'")
+    );
+    for (source, said) in [
+        (
+            search(&format!("{random}, constraints = {{ weights = {{ x = 1 }}, at_most = 0.5 }}")),
+            "constraints is a table of fields",
+        ),
+        (
+            search("strategy = { ask = function() return {} end, tel = print }"),
+            "there is no field `strategy.tel`",
+        ),
+        (twice, "has a search `a` already"),
+        ("pdk.perturbations('all')".to_owned(), "pdk.perturbations takes true or false"),
+        (
+            "pdk.session({ simulator = 'lane', driver = 'lane_keeper' }):drive({ scenarios = {} })"
+                .to_owned(),
+            "session:drive is a table of fields, but has to be a list",
+        ),
+    ] {
+        let _ = fs::remove_dir_all(&out);
+        run(&script(folder.path(), &source), &out).fail(1, &[said]);
+    }
+}
+
+#[test]
 #[ignore = "long: .ci/run runs it"]
 fn a_space_that_cannot_be_searched_gets_one_sentence() {
     let folder = temp();

@@ -89,11 +89,14 @@ impl ScriptHistory {
 
 #[cfg(test)]
 mod tests {
+    use pdk_sdk::config::Config;
     use pdk_sdk::history::Recollection;
     use pdk_sdk::ops::FrameBuf;
-    use pdk_sdk::perturbation::Context;
+    use pdk_sdk::perturbation::{Context, Perturbation, Way};
     use pdk_sdk::serde_json::json;
 
+    use crate::limits::Limits;
+    use crate::perturbation::LuaPerturbation;
     use crate::perturbation::tests::{key, make, picture, run};
 
     #[test]
@@ -127,6 +130,25 @@ mod tests {
                 "frame {index}"
             );
             kept.keep(frame.as_ref(), index as u64, time);
+        }
+    }
+
+    #[test]
+    fn points_are_moved_while_the_history_is_kept() {
+        let source = "return { doc = 'x', geometry = 'moved', history = 8, move_point = function(x, y) return x + 1, y end,
+            apply = function(image, cx) end }";
+        let limits = Limits { memory_bytes: 4 << 20, ..Limits::default() };
+        let mut script =
+            LuaPerturbation::new("s.lua", source.as_bytes(), "s", Config::default(), limits).unwrap();
+        let (mut kept, key, frame) = (Recollection::of(8), key(), FrameBuf::new(1000, 800));
+        for index in 0..9 {
+            let history = kept.before(frame.as_ref(), index);
+            let cx = Context::new(2.0, index, 0.0, &key).with_history(history);
+            run(&mut script, &frame, &cx).unwrap();
+            let mut points = [[1.0, 2.0]];
+            script.move_points(&mut points, Way::ToPerturbed, [1000, 800], &cx).unwrap();
+            assert_eq!(points, [[2.0, 2.0]]);
+            kept.keep(frame.as_ref(), index, 0.0);
         }
     }
 

@@ -335,7 +335,9 @@ impl Perturbation for LuaPerturbation {
             Error::new("it does not say where it moves things; add move_point = function(x, y, width, height, cx) ... end")
                 .at(&self.script)
         })?;
-        self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1], 0))?;
+        // The frames of the history stay where `apply` has put them.
+        let history = self.description.history as usize;
+        self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1], history))?;
         self.sandbox.make(&self.script, |lua| self.cx.set(lua, cx, &self.values))?;
         moves.apply((&self.sandbox, &self.script), points, way, size, &self.cx.table)
     }

@@ -15,7 +15,7 @@ use crate::tokens::{Token, Tokens};
 pub(super) fn check(script: &str, source: &[u8]) -> Result<()> {
     let mut tokens = Tokens::new(source);
     while let Some(token) = tokens.next() {
-        if matches!(token, Token::Sign(b'^')) && !is_exact(tokens.rest()) {
+        if matches!(token, Token::Sign(b'^')) && !is_exact(tokens.clone()) {
             return Err(Error::new(format!(
                 "{script}:{}: `^` takes the exponents 2, 3 and 0.5 only, because with others its result depends on the machine; \
                  write math.pow(x, y)",
@@ -27,12 +27,16 @@ pub(super) fn check(script: &str, source: &[u8]) -> Result<()> {
 }
 
 /// Whether what follows is 2, 3 or 0.5 and nothing that makes it another exponent.
-fn is_exact(rest: &[u8]) -> bool {
-    let rest = rest.trim_ascii_start();
+fn is_exact(mut tokens: Tokens<'_>) -> bool {
+    let rest = tokens.rest().trim_ascii_start();
     let is_of_number = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'_');
     let (number, rest) = rest.split_at(rest.iter().take_while(|byte| is_of_number(byte)).count());
+    if !matches!(number, b"2" | b"3" | b"0.5") {
+        return false;
+    }
+    tokens.skip_to(rest);
     // `x ^ 2 ^ y` is `x ^ (2 ^ y)`.
-    matches!(number, b"2" | b"3" | b"0.5") && !rest.trim_ascii_start().starts_with(b"^")
+    !matches!(tokens.next(), Some(Token::Sign(b'^')))
 }
 
 #[cfg(test)]
@@ -52,9 +56,18 @@ mod tests {
 
     #[test]
     fn others_are_refused_with_their_line() {
-        for source in
-            ["x ^ y", "x^2.5", "x^2^3", "x^-2", "x^(2)", "x ^= 2.1", "x^20", "x^2e3", "x ^ --[[ no ]] y"]
-        {
+        for source in [
+            "x ^ y",
+            "x^2.5",
+            "x^2^3",
+            "x^-2",
+            "x^(2)",
+            "x ^= 2.1",
+            "x^20",
+            "x^2e3",
+            "x ^ --[[ no ]] y",
+            "x ^ 2 --[[]] ^ 2",
+        ] {
             let source = format!("local a = 1\n{source}");
             assert!(line(&source).is_some_and(|error| error.starts_with("s.lua:2: `^` takes")), "{source}");
         }

@@ -11,6 +11,7 @@ pub(crate) enum Token<'a> {
 }
 
 /// Splits a text.
+#[derive(Clone)]
 pub(crate) struct Tokens<'a> {
     text: &'a [u8],
     at: usize,
@@ -47,6 +48,11 @@ impl<'a> Tokens<'a> {
     /// What comes after the latest token.
     pub fn rest(&self) -> &'a [u8] {
         &self.text[self.at..]
+    }
+
+    /// Goes on with this end of the text.
+    pub fn skip_to(&mut self, rest: &[u8]) {
+        self.at = self.text.len() - rest.len();
     }
 
     /// The number of the line that has been reached.

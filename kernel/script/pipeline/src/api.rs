@@ -137,8 +137,10 @@ pub const API: ApiTable = ApiTable {
             signature: "(all: boolean?) -> { string }",
             doc: "The names of the perturbations of the default set, or of all.",
             make: |lua| {
-                function(lua, "pdk.perturbations", |host, [all]| {
-                    Ok(host.perturbations(all == Value::Bool(true)).into())
+                function(lua, "pdk.perturbations", |host, [all]| match all {
+                    Value::Null => Ok(host.perturbations(false).into()),
+                    Value::Bool(all) => Ok(host.perturbations(all).into()),
+                    other => Err(Error::new(format!("pdk.perturbations takes true or false, not {other}"))),
                 })
             },
         },

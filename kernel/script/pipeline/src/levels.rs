@@ -1,8 +1,10 @@
 //! Levels that are functions of time: they are evaluated for every frame, and the scenario holds the values, so that it can be
 //! driven again without its script.
 
-use mlua::{Lua, Table, Value as LuaValue};
+use mlua::{ExternalError, Lua, Table, Value as LuaValue};
 use pdk_model::level::{MAX_INTENSITY, MOST_FRAMES};
+
+use crate::values::entries;
 
 /// A scenario in which no level is a function any more; the script's own tables stay as they are, since scenarios may share
 /// them. `frames` says for a scenario, with what it leaves to its defaults, its rate and how long it lasts.
@@ -21,8 +23,8 @@ pub fn evaluated(
     };
     let (rate, duration) = frames(table)?;
     let copies = lua.create_table()?;
-    for entry in list.sequence_values::<LuaValue>() {
-        let entry = entry?;
+    for entry in entries(list, "perturbations").map_err(ExternalError::into_lua_err)? {
+        let entry = entry.map_err(ExternalError::into_lua_err)?;
         let level = entry.as_table().and_then(|entry| entry.raw_get::<LuaValue>("level").ok());
         let copy = match (entry.as_table(), level) {
             (Some(perturbation), Some(LuaValue::Function(level))) => {
@@ -137,6 +139,22 @@ mod tests {
             let error = evaluated(&lua, &scenario, |_| Ok((20.0, 1.0))).unwrap_err().to_string();
             let expected = format!("the level of `fog` {said}, but has to be a number from 0 to 4");
             assert!(error.contains(&expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_list_with_fields_or_a_gap_is_refused() {
+        let lua = Lua::new();
+        for (list, said) in [
+            ("fog, name = 'rain', level = 2", "perturbations is a list and has fields as well"),
+            ("fog, nil, 'rain@1'", "perturbations has a gap"),
+        ] {
+            let script = format!(
+                "local fog = {{ name = 'fog', level = function() return 1 end }} return {{ perturbations = {{ {list} }} }}"
+            );
+            let scenario = lua.load(script).eval().unwrap();
+            let error = evaluated(&lua, &scenario, |_| Ok((20.0, 1.0))).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
         }
     }
 

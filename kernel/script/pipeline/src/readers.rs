@@ -7,7 +7,6 @@ use pdk_components::catalog::Catalog;
 use pdk_components::hash;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
-use pdk_record::files::{FileRecord, recorded};
 use pdk_record::manifest::InUse;
 use pdk_record::settle::Settler;
 use pdk_sdk::describe::Kind;
@@ -48,32 +47,33 @@ pub fn recording(session: &mut Session, dataset: &Value) -> Result<Recording> {
     let groups = session.input_files(Kind::Dataset, &reader)?;
     let mut in_use = InUse::default();
     in_use.add_input_files(&groups, &mut |_, _| Ok(()))?;
-    let content = content(&reader, &groups, &in_use.files())?;
+    let content = content(&reader, &groups, &in_use)?;
     Ok(Recording { reader, made, content })
 }
 
-/// The hash of what is in a recording: in the groups of files that its reader reads, of which there are records, and in the files that its
+/// The hash of what is in a recording: in the groups of files that its reader reads, which have been noted, and in the files that its
 /// parameters name.
 ///
 /// # Errors
 /// If a file cannot be read.
-pub fn content(reader: &ComponentSpec, groups: &[InputFiles], files: &[FileRecord]) -> Result<String> {
+pub fn content(reader: &ComponentSpec, groups: &[InputFiles], noted: &InUse) -> Result<String> {
     let mut hasher = blake3::Hasher::new_derive_key("pdk recording, version 1");
     for group in groups {
-        let folder = recorded(&group.folder);
-        let record = files.iter().find(|file| file.path == folder && file.group == group.what);
-        let content = record.map(|file| file.blake3.as_str()).ok_or_else(|| {
+        let content = noted.content_of(group).ok_or_else(|| {
             Error::new(format!(
-                "the {} in {} were not read, which is a defect in pdk",
+                "the {} in {} became others while they were read; begin again when no program writes there",
                 group.what,
-                folder.display()
+                group.folder.display()
             ))
         })?;
         hasher.update(content.as_bytes());
     }
     let named = reader.parameters.values().filter_map(Value::as_str).map(Path::new);
     for file in named.filter(|path| path.is_file()) {
-        hasher.update(hash::of(file)?.as_bytes());
+        match noted.hash_of(file) {
+            Some(hash) => hasher.update(hash.as_bytes()),
+            None => hasher.update(hash::of(file)?.as_bytes()),
+        };
     }
     Ok(hasher.finalize().to_hex().to_string())
 }

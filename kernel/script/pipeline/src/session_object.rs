@@ -2,12 +2,13 @@
 
 use mlua::{ExternalError, Lua, UserData, UserDataMethods, UserDataRegistry, Value as LuaValue};
 use pdk_lua::{ApiClass, ApiMethod};
+use pdk_sdk::error::{Error, Result};
 
 use crate::bridge::{all_outcomes, frames_of, outcome, with_host};
 use crate::levels;
 use crate::requests::Defaults;
 use crate::tickets::Tickets;
-use crate::values::from_lua;
+use crate::values::{entries, from_lua};
 
 /// A session as a script sees it.
 pub struct SessionObject {
@@ -34,6 +35,14 @@ impl SessionObject {
         let submission = self.defaults.submission(place, table).map_err(ExternalError::into_lua_err)?;
         let ticket = with_host(lua, |host| host.submit_one(submission))?;
         Ok(self.tickets.add(ticket))
+    }
+}
+
+/// The entries of the list that a method takes.
+fn list_of(value: &LuaValue, place: &str) -> Result<Vec<LuaValue>> {
+    match value {
+        LuaValue::Table(list) => entries(list, place)?.collect(),
+        other => Err(Error::new(format!("{place} takes a list of scenarios, not a {}", other.type_name()))),
     }
 }
 
@@ -80,7 +89,9 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             signature: "(scenarios: { Scenario }) -> { Outcome }",
             doc: "Submits scenarios, waits for all, and returns the outcomes in their order.",
             add: |registry, name| {
-                registry.add_method_mut(name, |lua, session, scenarios: Vec<LuaValue>| {
+                registry.add_method_mut(name, |lua, session, scenarios: LuaValue| {
+                    let scenarios =
+                        list_of(&scenarios, "session:drive").map_err(ExternalError::into_lua_err)?;
                     let tickets = scenarios
                         .iter()
                         .map(|scenario| session.submit(lua, scenario))

@@ -32,18 +32,25 @@ impl std::str::FromStr for Override {
     }
 }
 
-/// Refuses what sets the same twice: one of the values would be dropped without a word.
+/// Refuses what sets the same twice, or a table after something in it: one of the values would be dropped without a word.
 ///
 /// # Errors
-/// Names the first that is there twice.
+/// Names the first that is there twice, or that comes too late.
 pub fn refuse_repeated(overrides: &[Override]) -> Result<()> {
     let mut seen = BTreeSet::new();
-    match overrides.iter().find(|given| !seen.insert(given.key.as_str())) {
-        Some(Override { key, .. }) => {
-            Err(Error::new(format!("--set {key} is given more than once; give it once")))
+    for Override { key, .. } in overrides {
+        let is_within =
+            |earlier: &&&str| earlier.strip_prefix(key.as_str()).is_some_and(|rest| rest.starts_with('.'));
+        if let Some(earlier) = seen.iter().find(is_within) {
+            return Err(Error::new(format!(
+                "--set {key} would undo --set {earlier}, which comes before it; give --set {key} first"
+            )));
         }
-        None => Ok(()),
+        if !seen.insert(key.as_str()) {
+            return Err(Error::new(format!("--set {key} is given more than once; give it once")));
+        }
     }
+    Ok(())
 }
 
 /// Parts what `--set` says about the settings that every run has from what it says about the pipeline's own.
@@ -340,5 +347,11 @@ mod tests {
         assert_eq!(error, "--set frames is given more than once; give it once");
         assert!(read(&["seed=1", "seed=1"]).is_err());
         assert!(read(&["simulator=donkey", "simulator.port=9091"]).is_ok());
+        let error =
+            read(&["simulator.port=9091", "simulators=x", "simulator=donkey"]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "--set simulator would undo --set simulator.port, which comes before it; give --set simulator first"
+        );
     }
 }

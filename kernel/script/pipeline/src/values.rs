@@ -61,6 +61,11 @@ pub fn entries(list: &Table, place: &str) -> Result<impl Iterator<Item = Result<
         let (key, _) = pair.map_err(|error| unreadable(place, &error))?;
         match index(&key) {
             Some(index) => check_index(index, length, place)?,
+            None if length == 0 => {
+                return Err(Error::new(format!(
+                    "{place} is a table of fields, but has to be a list: {{ ... }}"
+                )));
+            }
             None if key.is_string() => return Err(list_and_fields(place)),
             None => return Err(no_key(&key, place)),
         }

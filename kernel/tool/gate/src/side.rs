@@ -142,7 +142,7 @@ fn evaluated(folder: &Path) -> Result<Option<ComponentSpec>> {
     }
     let Some(manifest) = RunDirectory::open(folder)?.manifest()? else { return Ok(None) };
     let mut drivers: Vec<ComponentSpec> =
-        manifest.evaluations.into_iter().map(|evaluation| evaluation.driver).collect();
+        manifest.evaluations.into_iter().filter_map(|evaluation| evaluation.driver).collect();
     drivers.dedup();
     let files = manifest.files.into_iter().filter(|file| file.group.is_empty());
     let files = files.map(|file| (file.path.to_string_lossy().into_owned(), file.blake3)).collect();

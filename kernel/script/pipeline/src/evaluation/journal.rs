@@ -124,7 +124,8 @@ impl Journal {
     }
 }
 
-/// What tells a job from the others of a run. The rest, such as the driver, is the same in all runs that continue one record.
+/// What tells a job from the others of a run. The rest, such as the driver, is the same in all runs that continue one record: the manifest
+/// says what each evaluation is of.
 fn key(evaluation: u64, job: &EvaluateFrames) -> String {
     let EvaluateFrames { perturbation, from, start, end, .. } = job;
     let perturbation = serde_json::to_string(perturbation).unwrap_or_default();

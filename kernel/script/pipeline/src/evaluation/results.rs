@@ -49,6 +49,16 @@ enum Line {
     },
 }
 
+impl Line {
+    fn evaluation(&self) -> u64 {
+        match self {
+            Self::Result { evaluation, .. }
+            | Self::Bad { evaluation, .. }
+            | Self::Task { evaluation, .. } => *evaluation,
+        }
+    }
+}
+
 /// What one picture came to with a predictor.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TaskFrame {
@@ -137,6 +147,9 @@ impl Results {
         frames: std::ops::Range<usize>,
         cells: &[AppliedPerturbation],
     ) -> Option<Vec<Frame>> {
+        if self.failed(number) {
+            return None;
+        }
         let before = self.length;
         let taken: Option<Vec<Frame>> = frames.map(|index| self.take_frame(number, index, cells)).collect();
         if taken.is_none() {
@@ -144,6 +157,11 @@ impl Results {
             self.recorded.clear();
         }
         taken
+    }
+
+    /// Whether an evaluation has no lines although a later one has, as after a driver that is not ranked.
+    fn failed(&self, number: u64) -> bool {
+        self.recorded.front().is_some_and(|(line, _)| line.evaluation() > number)
     }
 
     fn take_frame(&mut self, number: u64, index: usize, cells: &[AppliedPerturbation]) -> Option<Frame> {
@@ -198,6 +216,9 @@ impl Results {
         frames: std::ops::Range<usize>,
         cells: &[AppliedPerturbation],
     ) -> Option<Vec<TaskFrame>> {
+        if self.failed(number) {
+            return None;
+        }
         let before = self.length;
         let taken: Option<Vec<TaskFrame>> =
             frames.map(|index| self.take_task_frame(number, index, cells)).collect();
@@ -398,6 +419,12 @@ mod tests {
         // Another evaluation is not taken for this one.
         assert!(Results::open(&path).unwrap().take(1, 0..1, &cells).is_none());
         assert!(Results::open(&path).unwrap().take(0, 0..1, &cells[..1]).is_none());
+        // One that failed without a line leaves what the next one has.
+        std::fs::remove_file(&path).unwrap();
+        Results::open(&path).unwrap().add(1, 0, &first, &cells).unwrap();
+        let mut results = Results::open(&path).unwrap();
+        assert!(results.take(0, 0..2, &cells).is_none() && results.take_task(0, 0..2, &cells).is_none());
+        assert_eq!(results.take(1, 0..2, &cells).unwrap(), first);
     }
 
     #[test]

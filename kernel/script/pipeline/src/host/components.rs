@@ -39,6 +39,8 @@ pub(super) struct Components {
     pub settled: Vec<(String, String)>,
     /// The contents of the files that scenarios name, by their paths.
     pub contents: BTreeMap<String, String>,
+    /// The contents of the recordings that were opened, by their readers.
+    pub recordings: BTreeMap<Key, String>,
 }
 
 impl Components {

@@ -1,13 +1,15 @@
 //! Datasets, frame by frame.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::readers;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_record::directory::{RESULTS, RunDirectory};
-use pdk_record::manifest::{EvaluationRecord, components_of_all};
-use pdk_record::shard::EvaluatedFrames;
+use pdk_record::evaluated::EvaluationRecord;
+use pdk_record::manifest::components_of_all;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
@@ -49,28 +51,31 @@ impl Host {
         self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, told)?;
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
-        self.record.evaluations.push(EvaluationRecord { dataset: reader.clone(), driver: driver.clone() });
-        self.begin()?;
-        lines.iter().for_each(|line| self.print(line));
-        let frames = frames.unwrap_or(usize::MAX).min(available.unwrap_or_default());
-        let (shard, number) = (self.setup.common.shard, self.evaluations.summaries.len() as u64);
         let evaluation = Evaluation {
             dataset: reader,
             driver,
             cells,
             seed: self.setup.common.seed,
-            frames,
+            frames: frames.unwrap_or(usize::MAX).min(available.unwrap_or_default()),
             sequences,
-            shard,
+            shard: self.setup.common.shard,
             trust,
             tolerance,
         };
+        let Evaluation { dataset, driver, cells, .. } = &evaluation;
+        let files = self.named_files(dataset, (Kind::Driver, driver.clone()), cells)?;
         let own = evaluation.own().iter().map(Segment::len).sum();
-        self.evaluations.own.push(own);
-        self.evaluations.frames.push(EvaluatedFrames {
-            frames,
-            cells: evaluation.cells.iter().map(ToString::to_string).collect(),
-        });
+        let record = EvaluationRecord {
+            dataset: dataset.clone(),
+            driver: Some(driver.clone()),
+            predictor: None,
+            task: None,
+            perturbations: cells.clone(),
+            frames: evaluation.frames,
+            files,
+        };
+        let number = self.begin_evaluation(record, own)?;
+        lines.iter().for_each(|line| self.print(line));
         let bar = Progress::new(self.setup.audience, "{pos}/{len} predictions, {eta} left");
         let all = (own * (evaluation.cells.len() + 1)) as u64;
         bar.add(all);
@@ -92,6 +97,35 @@ impl Host {
             }
         };
         self.conclude(&summary.bad_frames, serde_json::to_value(&summary)?, performance)
+    }
+
+    /// The files and folders that an evaluation names, each with the hash of its content. Those of the reader have been noted.
+    pub(super) fn named_files(
+        &mut self,
+        reader: &ComponentSpec,
+        subject: (Kind, ComponentSpec),
+        cells: &[AppliedPerturbation],
+    ) -> Result<BTreeMap<String, String>> {
+        let content = self.content(reader)?;
+        let mut settler = self.settler();
+        let mut files = settler.listed_files(&subject.1);
+        let mut components = components_of_all(cells);
+        components.push(subject);
+        files.extend(settler.files(&components, cells));
+        let paths = reader.parameters.values().filter_map(Value::as_str);
+        let paths = paths.filter(|path| Path::new(path).exists());
+        files.extend(paths.map(|path| (path.to_owned(), content.clone())));
+        Ok(files)
+    }
+
+    /// Writes down what is evaluated, before anything is computed, and returns the number of the evaluation: an evaluation that fails has
+    /// one too. `own` frames are evaluated here.
+    pub(super) fn begin_evaluation(&mut self, record: EvaluationRecord, own: usize) -> Result<u64> {
+        let number = self.record.evaluations.len() as u64;
+        self.record.evaluations.push(record);
+        self.evaluations.own.push(own);
+        self.begin()?;
+        Ok(number)
     }
 
     /// The file with the results, which is opened when it is first needed.

@@ -1,6 +1,5 @@
 //! What the evaluations of a run came to.
 
-use pdk_record::shard::EvaluatedFrames;
 use serde_json::Value;
 
 use crate::evaluation::Results;
@@ -8,11 +7,9 @@ use crate::evaluation::Results;
 /// What evaluations came to.
 #[derive(Default)]
 pub(super) struct Evaluations {
-    /// What the pipeline got back.
+    /// What the pipeline got back, of those that did not fail.
     pub summaries: Vec<Value>,
-    /// What each of them went through.
-    pub frames: Vec<EvaluatedFrames>,
-    /// How many frames of each were evaluated here.
+    /// How many frames of each that was begun are evaluated here.
     pub own: Vec<usize>,
     /// How long each took.
     pub times: Vec<Value>,

@@ -3,7 +3,7 @@
 use std::time::SystemTime;
 
 use pdk_record::directory::{PERFORMANCE, SHARD, SUMMARY};
-use pdk_record::shard::ShardList;
+use pdk_record::shard::{EvaluatedFrames, ShardList};
 use pdk_record::times::LoopTimes;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
@@ -101,7 +101,11 @@ impl Host {
             return Ok(());
         };
         let scenarios = self.scenarios.ids();
-        let evaluations = std::mem::take(&mut self.evaluations.frames);
+        let evaluations = self.record.evaluations.iter().map(|evaluation| EvaluatedFrames {
+            frames: evaluation.frames,
+            cells: evaluation.perturbations.iter().map(ToString::to_string).collect(),
+        });
+        let evaluations: Vec<EvaluatedFrames> = evaluations.collect();
         let own_frames: usize = self.evaluations.own.iter().sum();
         let frames: usize = evaluations.iter().map(|evaluation| evaluation.frames).sum();
         let parts = [

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use pdk_record::directory::{MANIFEST, RunDirectory};
+use pdk_record::evaluated::EvaluationRecord;
 use pdk_record::files::recorded;
 use pdk_record::ledger::Ledger;
 use pdk_record::located;
-use pdk_record::manifest::{EvaluationRecord, InUse, Machine, Manifest, Pipeline};
+use pdk_record::manifest::{InUse, Machine, Manifest, Pipeline};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Session;
 use serde_json::Value;

@@ -1,6 +1,7 @@
 //! Recordings whose frames a tool picks itself, which `pdk.evaluate` does not.
 
 use pdk_loop::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Subject};
+use pdk_model::component::ComponentSpec;
 use pdk_record::manifest::components_of_all;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -8,6 +9,7 @@ use pdk_session::session::{Reply, Ticket};
 use serde_json::Value;
 
 use super::Host;
+use super::components::key;
 use super::driving::{components, stop_if_dropped};
 use crate::readers::{self, Recording};
 use crate::requests::DatasetSpec;
@@ -35,10 +37,21 @@ impl Host {
             &reader.parameters,
             made.info.clone(),
         )?;
-        let groups = self.session.input_files(Kind::Dataset, &reader)?;
-        let content = readers::content(&reader, &groups, &self.record.in_use.files())?;
+        let content = self.content(&reader)?;
         told.iter().for_each(|line| self.print(line));
         Ok(Recording { reader, made, content })
+    }
+
+    /// The hash of what is in a recording whose files have been noted.
+    pub(super) fn content(&mut self, reader: &ComponentSpec) -> Result<String> {
+        let key = key(Kind::Dataset, reader)?;
+        if let Some(content) = self.components.recordings.get(&key) {
+            return Ok(content.clone());
+        }
+        let groups = self.session.input_files(Kind::Dataset, reader)?;
+        let content = readers::content(reader, &groups, &self.record.in_use)?;
+        self.components.recordings.insert(key, content.clone());
+        Ok(content)
     }
 
     /// Makes sure that the components can be made that frames of a recording need, and notes them.

@@ -1,5 +1,7 @@
 //! The searches of a run, and one that was begun.
 
+use std::collections::BTreeSet;
+
 use pdk_session::session::Session;
 
 /// The searches of a run.
@@ -7,6 +9,8 @@ use pdk_session::session::Session;
 pub(super) struct Searches {
     /// How many were begun.
     pub begun: u64,
+    /// The names of those that were begun.
+    pub names: BTreeSet<String>,
     /// The session of the process of a strategy, between two searches.
     pub strategist: Option<Session>,
 }

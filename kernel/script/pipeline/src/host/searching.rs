@@ -30,6 +30,11 @@ impl Host {
             (None, _) => format!("search-{}", number + 1),
         };
         tables::checked_name(&Value::String(format!("{name}.json")))?;
+        if self.searches.names.contains(&name) {
+            return Err(Error::new(format!(
+                "pdk.search: the run has a search `{name}` already, whose files this one would overwrite; give it another `name`"
+            )));
+        }
         if let Some(strategy) = strategy {
             let catalog = self.session.catalog();
             catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
@@ -59,6 +64,7 @@ impl Host {
                 })?,
             }),
         };
+        self.searches.names.insert(name.clone());
         Ok(BegunSearch {
             name,
             number,

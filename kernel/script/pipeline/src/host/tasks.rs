@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use pdk_model::canonical::canonical;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_record::shard::EvaluatedFrames;
+use pdk_record::evaluated::EvaluationRecord;
 use pdk_sdk::describe::{Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
@@ -14,6 +15,14 @@ use crate::evaluation::{BadFrame, Segment};
 use crate::follow::Progress;
 use crate::task::{Metric, Piece, Request, TaskEvaluation, TaskRun};
 use pdk_record::manifest::components_of_all;
+
+/// A task with the hash of its labels in their place, if they are a table: there may be one for each of many pictures.
+fn without_labels(mut task: Value) -> Value {
+    if let Some(labels) = task.get_mut("labels").filter(|labels| labels.is_object()) {
+        *labels = format!("blake3:{}", blake3::hash(canonical(labels).as_bytes())).into();
+    }
+    task
+}
 
 /// An evaluation of a predictor that is under way.
 pub(crate) struct UnderWay {
@@ -58,7 +67,7 @@ impl Host {
         self.check_levels(&cells)?;
         let folder =
             reader.parameters.values().filter_map(Value::as_str).map(Path::new).find(|path| path.is_dir());
-        let (metric, files) = Metric::read(task, folder)?;
+        let (metric, labels) = Metric::read(task.clone(), folder)?;
         if metric.is_placed() && !keep_labels {
             self.refuse_moving(&metric, &cells)?;
         }
@@ -67,12 +76,11 @@ impl Host {
         for (kind, component) in components_of_all(&cells) {
             self.note_files(kind, &component)?;
         }
-        self.record.in_use.add_input_files(&files, &mut |_, _| Ok(()))?;
+        self.record.in_use.add_input_files(&labels, &mut |_, _| Ok(()))?;
         let catalog = self.session.catalog();
         self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
         self.record.in_use.add(catalog, Kind::Predictor, &predictor.name, &predictor.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
-        self.begin()?;
         let evaluation = TaskEvaluation {
             dataset: reader,
             predictor,
@@ -82,13 +90,23 @@ impl Host {
             sequences,
             shard: self.setup.common.shard,
         };
-        let number = self.evaluations.summaries.len() as u64;
+        let TaskEvaluation { dataset, predictor, cells, .. } = &evaluation;
+        let mut files = self.named_files(dataset, (Kind::Predictor, predictor.clone()), cells)?;
+        let content = labels.first().and_then(|labels| self.record.in_use.content_of(labels));
+        if let (Some(path), Some(content)) = (task["labels"].as_str(), content) {
+            files.insert(path.to_owned(), content.to_owned());
+        }
         let own: usize = evaluation.own().iter().map(Segment::len).sum();
-        self.evaluations.own.push(own);
-        self.evaluations.frames.push(EvaluatedFrames {
+        let record = EvaluationRecord {
+            dataset: dataset.clone(),
+            driver: None,
+            predictor: Some(predictor.clone()),
+            task: Some(without_labels(task)),
+            perturbations: cells.clone(),
             frames: evaluation.frames,
-            cells: evaluation.cells.iter().map(ToString::to_string).collect(),
-        });
+            files,
+        };
+        let number = self.begin_evaluation(record, own)?;
         let each = evaluation.cells.len() as u64 + 1;
         let workers = self.session.slots();
         let run = TaskRun::new(evaluation, metric, number, self.results()?, workers);

@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 use crate::fields::Fields;
 use crate::requests::{Defaults, SHARED};
-use crate::values::from_lua;
+use crate::values::{entries, from_lua};
 
 /// What errors call the request.
 pub const PLACE: &str = "pdk.search";
@@ -173,8 +173,9 @@ fn constraints(lua: &Lua, table: &Table) -> mlua::Result<(Vec<Function>, Vec<Con
     match table.raw_get::<LuaValue>("constraints")? {
         LuaValue::Nil => {}
         LuaValue::Table(list) => {
-            for entry in list.sequence_values::<LuaValue>() {
-                match entry? {
+            let place = format!("{PLACE}: constraints");
+            for entry in entries(&list, &place).map_err(ExternalError::into_lua_err)? {
+                match entry.map_err(ExternalError::into_lua_err)? {
                     LuaValue::Function(function) => functions.push(function),
                     other => linear.raw_push(other)?,
                 }

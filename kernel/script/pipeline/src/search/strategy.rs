@@ -7,6 +7,7 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::search::{Candidate, Evaluated, Problem};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::seed::Key;
+use pdk_sdk::suggest;
 use pdk_session::session::Session;
 use serde_json::{Map, Value, json};
 
@@ -16,6 +17,8 @@ use crate::values::{from_lua, to_lua};
 
 /// Candidates that a table of functions is asked for at once, if it does not say how many.
 const BATCH: usize = 16;
+/// The fields of a table of functions.
+const FIELDS: [&str; 4] = ["start", "ask", "tell", "batch"];
 /// The most that it may say.
 const MOST: u64 = 100_000;
 
@@ -68,6 +71,16 @@ impl Strategy {
             ))
             .into_lua_err()),
         };
+        for pair in table.pairs::<LuaValue, LuaValue>() {
+            let name = pair?.0.to_string()?;
+            if !FIELDS.contains(&name.as_str()) {
+                return Err(Error::new(format!(
+                    "{PLACE}: there is no field `strategy.{name}` beside functions; {}",
+                    suggest::hint(&name, FIELDS)
+                ))
+                .into_lua_err());
+            }
+        }
         let (start, ask, tell) = (function("start")?, function("ask")?, function("tell")?);
         let ask =
             ask.ok_or_else(|| Error::new(format!("{PLACE}: `strategy.ask` is missing")).into_lua_err())?;

@@ -40,7 +40,16 @@ impl Verdict {
         let place = format!("{PLACE}: what `{function}` returns");
         let mut fields = Fields::new(&*place, returned, &["objectives", "critical", "violations"])?;
         let given = fields.any("objectives");
-        let given = given.as_object();
+        let given = match &given {
+            Value::Object(given) => Some(given),
+            Value::Null => None,
+            Value::Array(list) if list.is_empty() => None,
+            other => {
+                return Err(Error::new(format!(
+                    "{place}: `objectives` is {other}, but has to be a table of numbers, as in {{ error = 1 }}"
+                )));
+            }
+        };
         if let Some(unknown) = given.and_then(|given| given.keys().find(|name| !objectives.contains(name))) {
             return Err(Error::new(format!("{place}: `{unknown}` is not an objective of the search")));
         }
@@ -140,6 +149,10 @@ mod tests {
         };
         assert!(
             error("evaluate", json!({"objectives": {}}), None).contains("the objective `speed` is missing")
+        );
+        assert!(
+            error("evaluate", json!({"objectives": 3}), None)
+                .contains("`objectives` is 3, but has to be a table")
         );
         assert!(
             error("evaluate", json!({"objectives": {"sped": 1}}), None)

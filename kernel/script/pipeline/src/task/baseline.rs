@@ -8,6 +8,8 @@ use pdk_sdk::error::{Error, Result};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::fields::Fields;
+
 /// The errors of another network, by which those of the network under test are divided.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Baseline {
@@ -64,13 +66,17 @@ impl Baseline {
                  PERTURBATION = ERROR, ... }} }} with the mean error over the levels of each perturbation"
             ))
         };
+        if !value.is_object() {
+            return Err(wrong());
+        }
+        let mut fields = Fields::new("task: baseline", value.clone(), &["name", "clean", "errors"])?;
         let errors = value["errors"].as_object().ok_or_else(wrong)?;
         let number = |(label, error): (&String, &Value)| {
             error.as_f64().map(|error| (label.clone(), error)).ok_or_else(wrong)
         };
         Ok(Self {
             name: value["name"].as_str().ok_or_else(wrong)?.to_owned(),
-            clean: value["clean"].as_f64(),
+            clean: fields.number("clean")?,
             errors: errors.iter().map(number).collect::<Result<_>>()?,
         })
     }
@@ -126,6 +132,13 @@ mod tests {
         assert!(
             (found.mce.unwrap() - 1.0).abs() < 1e-12 && (found.relative_mce.unwrap() - 1.0).abs() < 1e-12
         );
+        let error = |more: Value| {
+            let mut baseline = json!({"name": "small", "errors": {"fog": 0.5}});
+            baseline.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+            Baseline::read(&baseline).unwrap_err().to_string()
+        };
+        assert!(error(json!({"clean": "0.4"})).contains("`clean` is \"0.4\", but has to be a number"));
+        assert!(error(json!({"claen": 0.4})).contains("did you mean `clean`?"));
         assert!(Baseline::read(&json!("vgg")).unwrap_err().message().contains("`baseline` is \"vgg\""));
     }
 }

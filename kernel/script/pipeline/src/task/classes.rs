@@ -93,8 +93,10 @@ pub fn folders(root: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(root).map_err(unlisted)? {
         let entry = entry.map_err(unlisted)?;
-        if entry.file_type().map_err(unlisted)?.is_dir() {
-            names.push(entry.file_name().to_string_lossy().into_owned());
+        let name = entry.file_name().to_string_lossy().into_owned();
+        // Hidden folders are those of tools, such as notebooks.
+        if entry.file_type().map_err(unlisted)?.is_dir() && !name.starts_with('.') {
+            names.push(name);
         }
     }
     names.sort();
@@ -118,5 +120,10 @@ mod tests {
         let table = Classes::new(&json!({"1.png": "b", "2.png": "a"}), None, &[]);
         assert_eq!(table.unwrap().of("1.png"), Ok(1));
         assert!(Classes::new(&json!(3), None, &folders).is_err());
+        let root = tempfile::tempdir().unwrap();
+        for name in ["dog", ".ipynb_checkpoints", "cat"] {
+            std::fs::create_dir(root.path().join(name)).unwrap();
+        }
+        assert_eq!(super::folders(root.path()).unwrap(), ["cat", "dog"]);
     }
 }

@@ -14,6 +14,7 @@ use pdk_truth::yolo;
 use serde_json::{Value, json};
 
 use super::total::Total;
+use crate::fields::Fields;
 
 /// Bytes of a file with labels.
 const LARGEST: u64 = 1 << 30;
@@ -80,12 +81,18 @@ impl Objects {
     pub fn of(&self, picture: &str, size: [f64; 2]) -> Result<Vec<Labelled>> {
         match self {
             Self::Coco(coco) => coco.of(picture).map(<[_]>::to_vec),
-            Self::Yolo { beside, files, .. } => match beside.find(picture)?.and_then(|path| files.get(&path))
-            {
-                Some(objects) => Ok(objects.clone()?.iter().map(|object| object.in_pixels(size)).collect()),
+            Self::Yolo { beside, files, .. } => {
                 // If there is nothing in a picture, YOLO has no file for it.
-                None => Ok(Vec::new()),
-            },
+                let Some(path) = beside.find(picture)? else { return Ok(Vec::new()) };
+                let objects = files.get(&path).ok_or_else(|| {
+                    Error::new(format!(
+                        "label {} was not among those that were listed; put a copy in the place of a symbolic link, and give it no other name \
+                         than that of its picture",
+                        path.display()
+                    ))
+                })?;
+                Ok(objects.clone()?.iter().map(|object| object.in_pixels(size)).collect())
+            }
         }
     }
 }
@@ -107,6 +114,9 @@ impl Units {
     /// # Errors
     /// If it is something else.
     pub fn read(value: &Value) -> Result<Self> {
+        if value.is_object() {
+            Fields::new("task: units", value.clone(), &["width", "height"])?;
+        }
         let size = || Some((value["width"].as_f64()?, value["height"].as_f64()?));
         match (value.as_str(), size()) {
             (Some("pixels"), _) => Ok(Self::Pixels),

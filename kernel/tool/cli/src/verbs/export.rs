@@ -6,15 +6,12 @@ use clap::ValueEnum;
 use pdk_export::Kind;
 use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_record::directory::{RunDirectory, SCENARIOS};
+use pdk_record::directory::{EXPORT, RunDirectory, SCENARIOS};
 use pdk_report::{published, record};
 use pdk_sdk::error::Result;
 use serde_json::json;
 
 use super::{Global, check_folder, print_json};
-
-/// Where files go if no folder is named, in the folder of the record.
-const FOLDER: &str = "export";
 
 /// Arguments of `pdk export`
 #[derive(clap::Args)]
@@ -60,7 +57,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         Format::Junit => Kind::Junit,
         Format::Odd => Kind::Odd,
     };
-    let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(FOLDER));
+    let folder = arguments.output.clone().unwrap_or_else(|| arguments.record.join(EXPORT));
     check_folder(&folder)?;
     let written = pdk_export::write(&arguments.record, kind, &folder)?;
     for warning in &written.warnings {

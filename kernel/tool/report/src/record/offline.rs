@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 
 use pdk_record::directory::{RESULTS, RunDirectory};
-use pdk_record::manifest::EvaluationRecord;
+use pdk_record::evaluated::EvaluationRecord;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::Control;
@@ -159,8 +159,8 @@ impl Sums {
 
     fn finish(self, number: u64, told: &[EvaluationRecord]) -> Evaluation {
         let own = told.get(number as usize).cloned();
-        let named = Named::of(told.iter().map(|record| &record.driver));
-        let driver = own.as_ref().map(|record| named.name(&record.driver));
+        let named = Named::of(told.iter().filter_map(|record| record.driver.as_ref()));
+        let driver = own.as_ref().and_then(|record| Some(named.name(record.driver.as_ref()?)));
         let frames = self.original.len();
         let mut worst: Vec<_> = self.worst.into_values().collect();
         worst.sort_by(|(a, _), (b, _)| b.total_cmp(a));

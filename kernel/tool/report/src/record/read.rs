@@ -115,8 +115,10 @@ pub fn read_all(folders: &[PathBuf], page: &Path) -> Result<Read> {
         titles.push(run.title);
         first.warnings.extend(warnings);
         first.run.drives.extend(run.drives);
-        // Evaluations and tasks of a run share their numbers.
-        let count = (first.run.evaluations.len() + first.run.tasks.len()) as u64;
+        // Evaluations and tasks of a run share their numbers, and one that failed has one too.
+        let numbers = first.run.evaluations.iter().map(|one| one.number);
+        let numbers = numbers.chain(first.run.tasks.iter().map(|one| one.number));
+        let count = numbers.max().map_or(0, |last| last + 1);
         let evaluations = run.evaluations.into_iter();
         first
             .run
