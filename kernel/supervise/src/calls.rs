@@ -10,7 +10,7 @@ use std::cell::Cell;
 use std::fs::File;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering, fence};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use rustix::mm::{MapFlags, ProtFlags, mmap};
@@ -143,16 +143,36 @@ struct Thread {
 }
 
 static PAGE: OnceLock<Option<&'static Page>> = OnceLock::new();
-static NEXT_THREAD: AtomicU32 = AtomicU32::new(0);
+/// The places on the page that threads of this process have.
+static TAKEN: [AtomicBool; THREADS] = [const { AtomicBool::new(false) }; THREADS];
 
 thread_local! {
     /// The place of this thread on the page.
-    static PLACE: Option<&'static Thread> = {
-        let number = NEXT_THREAD.fetch_add(1, Ordering::Relaxed) as usize;
-        PAGE.get().copied().flatten().and_then(|page| page.threads.get(number))
-    };
+    static PLACE: Option<Place> = PAGE.get().copied().flatten().and_then(Place::take);
     /// The call that this thread is in.
     static CURRENT: Cell<Option<Noted>> = const { Cell::new(None) };
+}
+
+/// The place of a thread, which another one may have when it ends.
+struct Place {
+    thread: &'static Thread,
+    taken: &'static AtomicBool,
+}
+
+impl Place {
+    /// A place that no thread has; none if there are too many threads.
+    fn take(page: &'static Page) -> Option<Self> {
+        let free = |taken: &AtomicBool| !taken.swap(true, Ordering::Acquire);
+        let (taken, thread) = TAKEN.iter().zip(&page.threads).find(|(taken, _)| free(taken))?;
+        Some(Self { thread, taken })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.thread.since.store(0, Ordering::Release);
+        self.taken.store(false, Ordering::Release);
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -196,7 +216,7 @@ impl Drop for InCall {
 
 fn note(noted: Option<Noted>) {
     // A thread that ends has no place any more.
-    let Ok(Some(place)) = PLACE.try_with(|place| *place) else { return };
+    let Ok(Some(place)) = PLACE.try_with(|place| place.as_ref().map(|place| place.thread)) else { return };
     let Some(Noted { name, function, frame }) = noted else {
         place.since.store(0, Ordering::Release);
         return;
@@ -380,6 +400,13 @@ mod tests {
             });
         });
         assert!(names().is_empty());
+        for _ in 0..2 * THREADS {
+            // A join, unlike the end of a scope, waits until the thread has given its place back.
+            std::thread::scope(|scope| {
+                let thread = scope.spawn(|| call("x", Function::New, || names().len()));
+                assert_eq!(thread.join().unwrap(), 1, "threads that have ended leave their places to others");
+            });
+        }
         assert!(!observed.is_done());
         done();
         assert!(observed.is_done());

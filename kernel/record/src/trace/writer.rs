@@ -69,6 +69,9 @@ impl Trace {
     /// If the file cannot be written.
     pub fn create(path: &Path, scenario: &ScenarioId) -> Result<Self> {
         let part = part_of(path, std::process::id());
+        // Most often there is none. An attempt that was given up may still hold its file, and completes it when it is dropped: this one gets
+        // another.
+        let _ = std::fs::remove_file(&part);
         let file = File::create(&part).map_err(|error| write_error(path, &error))?;
         let options =
             mcap::WriteOptions::new().library(concat!("pdk ", env!("CARGO_PKG_VERSION")).to_owned());
@@ -286,5 +289,34 @@ fn trace_error(path: &Path, error: &mcap::McapError) -> Error {
     match error {
         mcap::McapError::Io(error) => write_error(path, error),
         other => Error::new(format!("cannot write {} ({other})", path.display())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_trace_that_is_begun_again_has_nothing_of_the_first_attempt() {
+        let folder = tempfile::tempdir().unwrap();
+        let create = |name: &str| {
+            let scenario = "00112233445566778899aabbccddeeff".parse().unwrap();
+            Trace::create(&folder.path().join(name), &scenario).unwrap()
+        };
+        let complete = |mut trace: Trace| {
+            trace.event(0.0, false, "fog@2").unwrap();
+            trace.finish().unwrap();
+        };
+        complete(create("once.mcap"));
+        let mut first = create("again.mcap");
+        // So much that it has written part of it.
+        for number in 0..4096 {
+            first.event(f64::from(number), false, &format!("{number} ").repeat(200)).unwrap();
+        }
+        let second = create("again.mcap");
+        drop(first);
+        complete(second);
+        let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        assert!(read("again.mcap") == read("once.mcap"));
     }
 }
