@@ -67,6 +67,7 @@ impl Component for WetRoad {
             "wet_road",
             "Puts a film of water on the ground, which is darker then and mirrors what is above the horizon, with puddles if there is much of it",
         )
+        .version(2)
         .family("weather")
         .dynamic()
         .not_default()
