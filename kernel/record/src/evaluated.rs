@@ -1,15 +1,19 @@
 //! What an evaluation of a dataset goes through, so that a record is not continued with something else.
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 
 use pdk_model::component::ComponentSpec;
+use pdk_model::json::{difference, replace};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::difference::{difference, differs};
-use crate::texts::replace;
+/// A clause about a value that was another one.
+pub(crate) fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
+    format!("{what} was {was} and is {is}")
+}
 
 /// An evaluation of a dataset: what decides its results, besides the seed of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

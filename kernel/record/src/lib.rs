@@ -8,14 +8,11 @@
 //! | [`ledger`] | one line for each outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run, with the [`files`] that it read; `inputs` makes one hash of the files of a dataset and the like |
 //! | [`evaluated`] | what an evaluation of a dataset goes through |
-//! | [`difference`] | how a value differs from a recorded one |
 //! | [`located`] | where these files are, as seen from here |
-//! | [`shard`] | the parts of a run, and what the record of one says of the whole |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`times`] | how long the stages of the loop took |
 //! | [`trace`] | what happened in a scenario, frame by frame |
 
-pub mod difference;
 pub mod directory;
 pub mod evaluated;
 pub mod files;
@@ -25,7 +22,5 @@ pub mod lines;
 pub mod located;
 pub mod manifest;
 pub mod settle;
-pub mod shard;
-mod texts;
 pub mod times;
 pub mod trace;

@@ -8,12 +8,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pdk_components::hash;
+use pdk_model::json::replace;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::error::Result;
 
 use crate::files::{FileRecord, recorded};
 use crate::manifest::Manifest;
-use crate::texts::replace;
 
 /// The folder in which a run was started, as seen from the folder of its record; empty if it is not one of the folders around the record.
 pub fn from_record(record: &Path) -> PathBuf {

@@ -7,20 +7,20 @@ use std::path::{Path, PathBuf};
 use pdk_components::catalog::{Catalog, Entry, PluginRecord};
 use pdk_components::registry::is_mask_script;
 use pdk_model::component::ComponentSpec;
+use pdk_model::json::difference;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
+use pdk_model::shard::Shard;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Result;
 use pdk_sdk::input_files::InputFiles;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::difference::{difference, differs};
-use crate::evaluated::EvaluationRecord;
+use crate::evaluated::{EvaluationRecord, differs};
 use crate::files::{FileRecord, recorded};
 use crate::inputs::{self, Tick};
-use crate::shard::Shard;
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -174,7 +174,10 @@ mod tests {
             let (mut once, mut twice) = (even(100, 12, 10), even(100, 12, 10));
             mark(&mut once.as_mut(), [x, y], 150);
             [180, 150].into_iter().for_each(|value| mark(&mut twice.as_mut(), [x, y], value));
-            assert_eq!(once, twice);
+            // Parts of both are rounded around it.
+            let near = |(a, b): (&u8, &u8)| a.abs_diff(*b) <= 1;
+            assert!(once.data().iter().zip(twice.data()).all(near));
+            assert_eq!(once.as_ref().pixel(x, y), twice.as_ref().pixel(x, y));
         }
     }
 

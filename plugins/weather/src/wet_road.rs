@@ -192,7 +192,9 @@ impl Perturbation for WetRoad {
                 let above = if stands { (camera - mirror.down * distance).abs() } else { 0.0 };
                 // The edge of the road is not a line.
                 let on_road = (beside + 0.5 - mirror.place[0].abs()).clamp(0.0, 1.0);
-                if mirror.down <= 0.0 || on_road <= 0.0 || above > ABOVE[0] + ABOVE[1] * camera / mirror.down
+                if mirror.down <= 0.0
+                    || on_road <= 0.0
+                    || above > ABOVE[0] + ABOVE[1] * distance.min(camera / mirror.down)
                 {
                     to.copy_from_slice(from);
                     continue;

@@ -15,6 +15,7 @@ pub mod described;
 pub mod during;
 pub mod error;
 pub mod failure;
+pub mod json;
 pub mod level;
 pub mod level_scale;
 pub mod outcome;
@@ -25,6 +26,7 @@ pub mod scale_file;
 pub mod scenario;
 pub mod search;
 pub mod selection;
+pub mod shard;
 pub mod state;
 pub mod text;
 

@@ -23,9 +23,12 @@ impl Bursts {
     /// Bursts that lose this share of all frames, `mean` of them in a row on average; if that is less than what comes of losing each by
     /// itself, each is lost by itself.
     pub fn new(share: f64, mean: f64) -> Self {
-        // After a frame that arrived, frames are lost once another burst begins. So rows begin `begins (1 - share)` times a frame, and the
-        // mean of their lengths is `share` divided by that.
-        let begins = share / ((1.0 - share) * mean);
+        // After a frame that arrived, frames are lost once another burst begins, and after one that arrived in any case, if a burst goes on.
+        // So rows begin `begins (1 - share) + share / (LONGEST + 1)` times a frame, and the mean of their lengths is `share` divided by
+        // that.
+        let begins = share * (1.0 / mean - 1.0 / (LONGEST + 1) as f64) / (1.0 - share);
+        // As many as the longest bursts need to lose the share.
+        let begins = begins.max(1.0 - libm::pow(1.0 - share, 1.0 / LONGEST as f64));
         if share <= 0.0 || begins >= share {
             return Self { begins: share, lasts: 0.0 };
         }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use pdk_model::component::ENGINE;
 use pdk_model::scenario::parse_seed;
-use pdk_record::shard::Shard;
+use pdk_model::shard::Shard;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
+use pdk_model::json::difference;
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
-use pdk_record::difference::difference;
 use pdk_record::trace::step::Step;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};

@@ -2,8 +2,8 @@
 
 use std::time::SystemTime;
 
+use pdk_model::shard::{EvaluatedFrames, ShardList};
 use pdk_record::directory::{PERFORMANCE, SHARD, SUMMARY};
-use pdk_record::shard::{EvaluatedFrames, ShardList};
 use pdk_record::times::LoopTimes;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};

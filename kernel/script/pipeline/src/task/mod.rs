@@ -20,7 +20,7 @@ use std::collections::VecDeque;
 use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame, Subject};
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_record::shard::Shard;
+use pdk_model::shard::Shard;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Session;
 use serde_json::Value;

@@ -7,11 +7,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pdk_model::scenario::ScenarioId;
+use pdk_model::shard::{EvaluatedFrames, ShardList};
 use pdk_record::directory::{MANIFEST, RESULTS, RunDirectory, SHARD};
 use pdk_record::ledger::{self, Ledger, Line};
 use pdk_record::lines::Lines;
 use pdk_record::manifest::Manifest;
-use pdk_record::shard::{EvaluatedFrames, ShardList};
 use pdk_record::trace::reader::{self, Owner};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;

@@ -4,9 +4,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use pdk_model::scenario::ScenarioId;
-use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::scenario::ScenarioId;
 
 /// The most parts that a run may have.
 const MOST: usize = 100_000;

@@ -1,14 +1,8 @@
-//! How a value differs from a recorded one.
+//! JSON values: where two of them differ, and texts within them.
 
 use std::collections::BTreeSet;
-use std::fmt::Display;
 
 use serde_json::{Map, Value};
-
-/// A clause about a value that was another one.
-pub(crate) fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
-    format!("{what} was {was} and is {is}")
-}
 
 /// The first value within another that differs, with its place and both values; what is not there is null.
 pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
@@ -27,4 +21,18 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
         return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
     }
     (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
+/// Puts what `other` returns for a text in its place, at any depth, such as the contents of files in those of their names; keys stay.
+pub fn replace(value: &mut Value, other: &dyn Fn(&str) -> Option<String>) {
+    match value {
+        Value::String(text) => {
+            if let Some(other) = other(text) {
+                *text = other;
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| replace(item, other)),
+        Value::Object(fields) => fields.values_mut().for_each(|value| replace(value, other)),
+        _ => {}
+    }
 }
