@@ -202,9 +202,10 @@ def blank_frames(
 ) -> Applied:
     """Shows a black picture in place of frames that are lost.
 
-    lost: share of the frames that are lost (0 to 1; by level 0.05, 0.1, 0.2, 0.3, 0.5).
-    burst: how many frames are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 1, 1.5, 2,
-        3, 5).
+    lost: share of the frames that are lost; 1 of 41 arrives in any case (0 to 1; by level 0.05, 0.1, 0.2, 0.3,
+        0.5).
+    burst: how many frames are lost in a row, on average; no fewer than if each were lost by itself, and never more
+        than 40 (frames; 1 to 40; by level 1, 1.5, 2, 3, 5).
     brightness: grey of the picture that is shown: 0 is black, 255 white (0 to 255; default 0).
     Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960).
     Not part of the default set.
@@ -972,9 +973,10 @@ def frozen_frames(
 ) -> Applied:
     """Repeats the last frame that arrived while frames are lost, so that the picture freezes.
 
-    lost: share of the frames that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
-    burst: how many frames are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 2, 4, 6, 10,
-        16).
+    lost: share of the frames that are lost; 1 of 41 arrives in any case (0 to 1; by level 0.1, 0.2, 0.35, 0.5,
+        0.7).
+    burst: how many frames are lost in a row, on average; no fewer than if each were lost by itself, and never more
+        than 40 (frames; 1 to 40; by level 2, 4, 6, 10, 16).
     Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); frozen frames are among the camera
         failures of Secci and Ceccarelli, On failures of RGB cameras and their effects in autonomous driving
         applications (2020).
@@ -1761,9 +1763,10 @@ def lost_controls(
 ) -> Applied:
     """Loses controls in bursts, while the vehicle keeps to the last one that came.
 
-    lost: share of the controls that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
-    burst: how many controls are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 1, 2, 4,
-        8, 16).
+    lost: share of the controls that are lost; 1 of 41 arrives in any case (0 to 1; by level 0.1, 0.2, 0.35, 0.5,
+        0.7).
+    burst: how many controls are lost in a row, on average; no fewer than if each were lost by itself, and never
+        more than 40 (frames; 1 to 40; by level 1, 2, 4, 8, 16).
     applies: what is applied in place of a lost control: last: the last one that came; nothing: wheels straight,
         neither throttle nor brake (default "last").
     Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); lost messages are among the timing
@@ -1787,9 +1790,10 @@ def lost_speed(
 ) -> Applied:
     """Loses readings of the speed in bursts, and tells the driver the last one meanwhile.
 
-    lost: share of the readings that are lost (0 to 1; by level 0.1, 0.2, 0.35, 0.5, 0.7).
-    burst: how many readings are lost in a row, on average; never more than 40 (frames; 1 to 40; by level 2, 4, 6,
-        10, 16).
+    lost: share of the readings that are lost; 1 of 41 arrives in any case (0 to 1; by level 0.1, 0.2, 0.35, 0.5,
+        0.7).
+    burst: how many readings are lost in a row, on average; no fewer than if each were lost by itself, and never
+        more than 40 (frames; 1 to 40; by level 2, 4, 6, 10, 16).
     shows: what the driver gets in place of a lost reading: last: the last one that came; zero: a standing vehicle;
         unknown: that the speed is not known (default "last").
     Source: Burst losses as in Gilbert, Capacity of a burst-noise channel (1960); stuck values of sensors in ISO
@@ -2243,8 +2247,8 @@ def quantised_controls(
 ) -> Applied:
     """Rounds controls to steps, as coarse messages or switched actuators do.
 
-    step: the distance between two values, of which there are those from -1 to 1 (0 to 2; by level 0.02, 0.05, 0.1,
-        0.2, 0.4).
+    step: the distance between two values; those at the ends are -1 and 1, whatever it is (0 to 2; by level 0.02,
+        0.05, 0.1, 0.2, 0.4).
     Source: Uniform mid-tread quantisation, as in Widrow and Kollár, Quantization noise (2008).
     Not part of the default set.
     """
@@ -2311,8 +2315,8 @@ def raindrops_on_lens(
     number: drops, small ones included, on a square of the lens as high as the frame (0 to 1008; by level 50, 110,
         220, 400, 640).
     size: radius of the largest drops (frame heights; 0 to 0.2; by level 0.026, 0.033, 0.041, 0.05, 0.06).
-    defocus: radius of the disc that a point of a drop becomes: drops are nearer than the focus (frame heights; 0 to
-        0.1; default 0.02).
+    defocus: radius of the disc that a point of a drop becomes, 128 pixels at most: drops are nearer than the focus
+        (frame heights; 0 to 0.1; default 0.02).
     veil: how much of the scene's mean brightness the drops scatter over the frame where they cover it (0 to 1;
         default 0.35).
     speed: typical speed of drops that run down at level 2, the same one at all levels: what a higher level adds is
@@ -2735,8 +2739,8 @@ def snow_on_lens(
 
     number: flakes on a square of the lens as high as the frame (0 to 270; by level 16, 36, 64, 100, 145).
     size: radius of the largest flakes (frame heights; 0 to 0.2; by level 0.03, 0.036, 0.043, 0.051, 0.06).
-    defocus: radius of the disc that a point of a flake becomes: flakes are nearer than the focus (frame heights; 0
-        to 0.1; default 0.02).
+    defocus: radius of the disc that a point of a flake becomes, 128 pixels at most: flakes are nearer than the
+        focus (frame heights; 0 to 0.1; default 0.02).
     veil: how much of the scene's mean brightness the flakes scatter over the frame where they cover it (0 to 1;
         default 0.2).
     speed: typical speed of flakes that came loose at level 2, the same one at all levels: what a higher level adds
