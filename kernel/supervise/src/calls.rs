@@ -170,8 +170,10 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.thread.since.store(0, Ordering::Release);
-        self.taken.store(false, Ordering::Release);
+        // A thread that ends in the middle of a call ends the process with it, and the call says who did that.
+        if self.thread.since.load(Ordering::Acquire) == 0 {
+            self.taken.store(false, Ordering::Release);
+        }
     }
 }
 

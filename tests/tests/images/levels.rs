@@ -101,11 +101,14 @@ fn what_a_scale_does_not_have_is_refused() {
     ] {
         pdk(folder.path(), &["perturb", "in.png", "--with", with, "-o", "out.png"]).fail(1, &[sentence]);
     }
-    pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@3..4,level_scale=own", "-o", "out"])
+    // Not in the folder of the pictures.
+    let out = temp();
+    let out = out.path().join("out").display().to_string();
+    pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@3..4,level_scale=own", "-o", &out])
         .fail(1, &["level 4 of scale `own` cannot be had"]);
     let suite = |level: &'static str| {
         let suite =
-            ["corrupt", ".", "--suite", "weather", "--levels", level, "--level-scale", "own", "-o", "out"];
+            ["corrupt", ".", "--suite", "weather", "--levels", level, "--level-scale", "own", "-o", &out];
         pdk(folder.path(), &suite)
     };
     let warned = suite("1..3").succeed().stderr;
@@ -113,12 +116,12 @@ fn what_a_scale_does_not_have_is_refused() {
         warned.contains("left out: perturbation `contrast`: scale `own` was measured with its version 99"),
         "{warned}"
     );
-    let made = fs::read_dir(folder.path().join("out")).unwrap().map(|entry| entry.unwrap().file_name());
+    let made = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name());
     let made: BTreeSet<_> = made.map(|name| name.into_string().unwrap()).collect();
     assert_eq!(made, ["fog_filter,level_scale=own", "manifest.json"].map(str::to_owned).into());
-    fs::remove_dir_all(folder.path().join("out")).unwrap();
+    fs::remove_dir_all(&out).unwrap();
     suite("4").fail(1, &["scale `own`"]);
-    pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@1", "--level-scale", "own", "-o", "out"])
+    pdk(folder.path(), &["corrupt", ".", "--with", "fog_filter@1", "--level-scale", "own", "-o", &out])
         .fail(1, &["--level-scale is for a --suite"]);
     for (text, sentence) in [
         ("{", "own.scale.json: it is not a scale (EOF while parsing"),
