@@ -184,23 +184,17 @@ mod tests {
     fn the_mist_blurs_by_the_same_share_of_any_frame() {
         // Stripes, ten to a height.
         let contrast = |height: usize| {
+            let is_dark = |place: usize| (place % height * 20 / height).is_multiple_of(2);
             let mut source = FrameBuf::new(height, height);
-            for y in 0..height {
-                for x in 0..height {
-                    source.as_mut().set_pixel(x, y, [if x * 20 / height % 2 == 0 { 0 } else { 255 }; 3]);
-                }
+            for place in (0..height * height).filter(|place| !is_dark(*place)) {
+                source.as_mut().set_pixel(place % height, place / height, [255; 3]);
             }
             let found = misted(&json!({"density": 1.0, "growth": 4, "wipe": 0}), 0.0, &source);
-            let dark = (0..height * height).filter(|place| place % height * 20 / height % 2 == 0);
-            let values = |even: bool| {
-                let found = found.as_ref();
-                let chosen = move |place: &usize| (place % height * 20 / height % 2 == 0) == even;
-                (0..height * height)
-                    .filter(chosen)
-                    .map(move |place| f64::from(found.pixel(place % height, place / height)[0]))
+            let sum = |dark: bool| -> f64 {
+                let places = (0..height * height).filter(|place| is_dark(*place) == dark);
+                places.map(|place| f64::from(found.as_ref().pixel(place % height, place / height)[0])).sum()
             };
-            let count = dark.count() as f64;
-            values(false).sum::<f64>() / count - values(true).sum::<f64>() / count
+            2.0 * (sum(false) - sum(true)) / (height * height) as f64
         };
         let [small, large] = [240, 960].map(contrast);
         assert!((small - large).abs() < 5.0, "{small} {large}");
