@@ -18,7 +18,7 @@ impl Component for QuantisedControls {
             Parameter::by_level(
                 "step",
                 [0.02, 0.05, 0.1, 0.2, 0.4],
-                "the distance between two values; those at the ends are -1 and 1, whatever it is",
+                "the distance between two values, all of which lie from -1 to 1",
             )
             .range(0.0, 2.0),
         )

@@ -2247,8 +2247,8 @@ def quantised_controls(
 ) -> Applied:
     """Rounds controls to steps, as coarse messages or switched actuators do.
 
-    step: the distance between two values; those at the ends are -1 and 1, whatever it is (0 to 2; by level 0.02,
-        0.05, 0.1, 0.2, 0.4).
+    step: the distance between two values, all of which lie from -1 to 1 (0 to 2; by level 0.02, 0.05, 0.1, 0.2,
+        0.4).
     Source: Uniform mid-tread quantisation, as in Widrow and Kollár, Quantization noise (2008).
     Not part of the default set.
     """
