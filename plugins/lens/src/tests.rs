@@ -86,6 +86,7 @@ both!(
     late_frames_alone_are_fast,
     keeps_its_memory,
     takes_frames_of_extreme_shape,
+    stays_dark_in_the_dark,
 );
 
 fn passes_the_test_kit<P: Component + Perturbation + 'static>() {
@@ -356,6 +357,12 @@ fn keeps_its_memory<P: Component + Perturbation>() {
         film.render(source.as_ref(), dst.as_mut(), f64::from(i), None).unwrap();
     }
     assert_eq!(crate::allocations::count() - before, 0);
+}
+
+fn stays_dark_in_the_dark<P: Component + Perturbation>() {
+    let night = FrameBuf::new(160, 120);
+    let found = Film::<P>::new("{}", 4.0).at(&night, 5.0);
+    assert!(found == night, "nothing shines of itself");
 }
 
 fn takes_frames_of_extreme_shape<P: Component + Perturbation>() {

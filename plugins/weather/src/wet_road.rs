@@ -324,6 +324,14 @@ mod tests {
     }
 
     #[test]
+    fn the_sky_below_the_horizon_stays_dry() {
+        // Behind the crest of a hill there is nothing, also where a plane would still have ground.
+        let (source, sky) = (scene(200, 60), vec![f32::INFINITY; 80 * 60]);
+        let given = given(json!({"film": 1, "depth": "simulator"}));
+        assert_eq!(perturbed::<WetRoad>(&given, &source, Some(&sky)), source);
+    }
+
+    #[test]
     fn puddles_pass_as_the_vehicle_drives() {
         let source = even(90, 80, 60);
         let at =
