@@ -21,8 +21,9 @@ const LEAVE: Duration = Duration::from_secs(12);
 const DROP: Duration = Duration::from_secs(3);
 /// How long what a worker said last may be on its way.
 const LAST_WORDS: Duration = Duration::from_secs(1);
-/// A scenario of which no frame has come for so long waits for its simulator. Workers tell of frames five times a second.
-const UNDER_WAY: Duration = Duration::from_secs(1);
+/// A scenario of which no frame has come for this long waits for its simulator. Workers report frames five times a second;
+/// on a busy machine the first report of a drive may take a second or two.
+const UNDER_WAY: Duration = Duration::from_secs(5);
 
 impl Dispatch {
     /// Nothing more can be done: every requester gets the error.
