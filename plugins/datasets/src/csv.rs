@@ -95,7 +95,7 @@ impl Csv {
 
         let times = table.times(&columns, config);
         let recorded: Vec<Option<f64>> = match &times {
-            Some((times, _)) => times.clone(),
+            Some(times) => times.since.clone(),
             None => vec![None; table.len()],
         };
         let record =
@@ -105,7 +105,7 @@ impl Csv {
             recorded.iter().find(|time| time.is_some()).map(|time| record(*time)).as_ref(),
         );
         let how = match (&clock, times) {
-            (Clock::Recorded { .. }, Some((_, how))) => how,
+            (Clock::Recorded { .. }, Some(times)) => times.how,
             _ => format!("{} frames a second", config.number("rate")),
         };
         told.push(("time".to_owned(), how));

@@ -59,7 +59,14 @@ impl Units {
     /// # Errors
     /// If full steering is zero.
     pub fn new(config: &Config) -> Result<Self> {
-        let full_lock = config.number("full_lock");
+        Self::of(config, config.number("full_lock"))
+    }
+
+    /// The units that the configuration asks for, with this full steering to the right.
+    ///
+    /// # Errors
+    /// If it is zero.
+    pub fn of(config: &Config, full_lock: f64) -> Result<Self> {
         if full_lock == 0.0 {
             return Err(Error::new(
                 "full_lock is 0; give the recorded steering that is full steering to the right",

@@ -94,7 +94,9 @@ fn drive() -> Vec<(&'static str, &'static str, &'static str, u64, Vec<u8>)> {
 fn pictures_have_the_numbers_that_are_nearest_in_time() {
     let folder = TempDir::new().unwrap();
     let path = write(&folder, &drive());
-    let mut mcap = open(&path, json!({})).unwrap();
+    let missing = open(&path, json!({})).err().unwrap().to_string();
+    assert!(missing.contains("topic /drive (steering_angle)") && missing.contains("counted to the left"), "{missing}");
+    let mut mcap = open(&path, json!({"full_lock": -1})).unwrap();
     assert_eq!((mcap.len(), mcap.name(3).as_str()), (6, "/camera 3"));
     assert!((mcap.position(3).time - 0.3).abs() < 1e-9);
     for index in [5, 0, 3, 2] {
@@ -105,7 +107,7 @@ fn pictures_have_the_numbers_that_are_nearest_in_time() {
         );
         assert!((entry.time - index as f64 / 10.0).abs() < 1e-9);
         // That with the most of a drive is guessed.
-        assert!((entry.steering - 0.2).abs() < 1e-6 && (entry.speed - 3.0).abs() < 1e-6);
+        assert!((entry.steering + 0.2).abs() < 1e-6 && (entry.speed - 3.0).abs() < 1e-6);
     }
     let told = mcap.info();
     assert!(
@@ -119,12 +121,40 @@ fn pictures_have_the_numbers_that_are_nearest_in_time() {
     let entry = mcap.read(4).unwrap();
     assert!((entry.steering + 0.8).abs() < 1e-6 && entry.speed.is_nan());
     assert_eq!(entry.time, 4.0);
-    let far = open(&path, json!({"tolerance": 0.01})).unwrap().read(0).unwrap_err().to_string();
+    let far = open(&path, json!({"tolerance": 0.01, "full_lock": -1})).unwrap().read(0).unwrap_err().to_string();
     assert!(far.contains("topic /drive has no message within 0.01 s"), "{far}");
     let wrong = open(&path, json!({"steering": "/stear"})).err().unwrap().to_string();
     assert!(wrong.contains("there is no topic `/stear`") && wrong.contains("/steer"), "{wrong}");
     let beyond = open(&path, json!({"steering": "/steer", "full_lock": 0.1})).err().unwrap().to_string();
     assert!(beyond.contains("set `full_lock`"), "{beyond}");
+}
+
+#[test]
+fn a_topic_that_steers_is_told_from_one_that_only_moves() {
+    let folder = TempDir::new().unwrap();
+    let twist = |turn: f64| {
+        let zeros = (0..5).fold(Fields::new(), |fields, _| fields.put(&0f64.to_le_bytes()));
+        zeros.put(&turn.to_le_bytes()).0
+    };
+    let float = |value: f64| Fields::new().put(&value.to_le_bytes()).0;
+    let camera = || ("/camera", "sensor_msgs/msg/Image", "cdr", 0, image(0));
+    let steering = |messages: &[(&str, &str, &str, u64, Vec<u8>)], given: Value| {
+        let path = write(&folder, messages);
+        open(&path, given).and_then(|mut mcap| Ok(mcap.read(0)?.steering)).map_err(|error| error.to_string())
+    };
+    let moves = |name: &'static str, turn: f64| (name, "geometry_msgs/msg/Twist", "cdr", 0, twist(turn));
+    let angle = ("/vehicle/steering_angle", "std_msgs/msg/Float64", "cdr", 0, float(0.5));
+    // The name says more than the kind.
+    assert_eq!(steering(&[camera(), moves("/gps/vel", 0.0), angle.clone()], json!({})), Ok(0.5));
+    assert_eq!(steering(&[camera(), moves("/cmd_vel", 0.25)], json!({"full_lock": -0.5})), Ok(-0.5));
+    let several = steering(&[camera(), moves("/cmd_vel", 0.25), moves("/gps/vel", 0.0)], json!({}));
+    assert!(several.unwrap_err().contains("several topics could be the steering (/cmd_vel, /gps/vel)"));
+    // A number that is not finite costs the frames that need it, and nothing else.
+    let range = ("/range", "std_msgs/msg/Float64", "cdr", 0, float(f64::NAN));
+    assert_eq!(steering(&[camera(), angle.clone(), range], json!({})), Ok(0.5));
+    let broken = ("/steer", "std_msgs/msg/Float64", "cdr", 0, float(f64::NAN));
+    let error = steering(&[camera(), broken], json!({})).unwrap_err();
+    assert!(error.contains("topic `/steer`") && error.contains("not finite"), "{error}");
 }
 
 #[test]
@@ -135,7 +165,7 @@ fn a_file_that_ends_early_is_read_as_far_as_it_goes() {
     let mut lengths = Vec::new();
     for length in (0..whole.len()).step_by(23) {
         std::fs::write(&path, &whole[..length]).unwrap();
-        if let Ok(mut mcap) = open(&path, json!({})) {
+        if let Ok(mut mcap) = open(&path, json!({"full_lock": -1})) {
             assert!((0..mcap.len()).all(|index| mcap.read(index).is_ok() || mcap.read(index).is_err()));
             lengths.push(mcap.len());
         }
@@ -149,7 +179,7 @@ fn a_file_that_ends_early_is_read_as_far_as_it_goes() {
         damaged[at] ^= 0xff;
         std::fs::write(&path, &damaged).unwrap();
         // Whatever it is taken for, nothing panics and nothing takes memory without end.
-        if let Ok(mut mcap) = open(&path, json!({})) {
+        if let Ok(mut mcap) = open(&path, json!({"full_lock": -1})) {
             (0..mcap.len().min(10)).for_each(|index| drop(mcap.read(index)));
         }
         damaged[at] ^= 0xff;

@@ -180,9 +180,9 @@ impl Numbers {
         }
     }
 
-    /// Whether messages of this kind have steering, whatever their topic is called.
-    pub fn steers(self) -> bool {
-        matches!(self, Self::Twist(_) | Self::Ackermann(_) | Self::Control)
+    /// Whether it counts steering to the left, in a unit that has no full steering.
+    pub fn is_to_the_left(self) -> bool {
+        matches!(self, Self::Twist(_) | Self::Ackermann(_))
     }
 
     /// What a message says.

@@ -107,6 +107,17 @@ pub struct Columns {
     speed: Option<usize>,
 }
 
+/// The times of the rows.
+#[derive(Debug, PartialEq)]
+pub struct Times {
+    /// The time of each row in seconds since `begin`; none if its cell is empty or not a number.
+    pub since: Vec<Option<f64>>,
+    /// What the others are counted from: with whole numbers the time of the first row, else 0.
+    pub begin: f64,
+    /// What is known of them.
+    pub how: String,
+}
+
 /// What was recorded in each row, and what is known of the columns.
 pub type Labels = (Vec<Result<Label>>, Vec<(String, String)>);
 
@@ -332,8 +343,8 @@ impl Table {
         }
     }
 
-    /// The time of each row in seconds, and what is known of them; none if there is no such column.
-    pub fn times(&self, columns: &Columns, config: &Config) -> Option<(Vec<Option<f64>>, String)> {
+    /// The time of each row; none if there is no such column.
+    pub fn times(&self, columns: &Columns, config: &Config) -> Option<Times> {
         let column = columns.timestamp?;
         let (unit, scale) = match config.text("time_unit") {
             "auto" => self.guess_unit(column),
@@ -347,8 +358,9 @@ impl Table {
             Some(first) => whole(row).map(|time| time.saturating_sub(first) as f64 / scale),
             None => self.number(row, column).ok().filter(|time| !time.is_nan()).map(|time| time / scale),
         };
-        let times = (0..self.len()).map(time).collect();
-        Some((times, format!("{}, in {unit}", self.title(column))))
+        let since = (0..self.len()).map(time).collect();
+        let begin = exact.map_or(0.0, |first| first as f64 / scale);
+        Some(Times { since, begin, how: format!("{}, in {unit}", self.title(column)) })
     }
 
     fn guess_unit(&self, column: usize) -> (&'static str, f64) {
@@ -360,7 +372,12 @@ impl Table {
                 || title.ends_with(&format!("_{ending}"))
                 || title.ends_with(&format!("({ending})"))
         };
-        if let Some((_, place)) = by_name.into_iter().find(|(ending, _)| ends(ending)) {
+        // Such as `timestampMs` and `timestamp [ms]`.
+        let short = plain(&title);
+        let is_time_in = |unit: &str| {
+            short.strip_suffix(unit).is_some_and(|stem| ["timestamp", "time", "stamp"].contains(&stem))
+        };
+        if let Some((_, place)) = by_name.into_iter().find(|(unit, _)| ends(unit) || is_time_in(unit)) {
             return UNITS[place];
         }
         // The time since 1970 has another size in each unit.

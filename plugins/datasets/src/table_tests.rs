@@ -73,9 +73,15 @@ fn times_are_in_seconds_whatever_their_unit() {
         table.times(&table.columns(&config).unwrap(), &config).unwrap()
     };
     let nanoseconds = "timestamp\n1700000000000000001\n1700000000050000001\n";
-    assert_eq!(times(nanoseconds, json!({})).0, [Some(0.0), Some(0.05)]);
-    let (milliseconds, told) = times("time_ms\n1000\n1050\n", json!({}));
-    assert_eq!((milliseconds, told.as_str()), (vec![Some(0.0), Some(0.05)], "column `time_ms`, in ms"));
-    assert_eq!(times("t\n0.5\n\n", json!({})).0, [Some(0.5)]);
-    assert_eq!(times("t\n500\n1500\n", json!({"time_unit": "us"})).0, [Some(0.0), Some(0.001)]);
+    assert_eq!(times(nanoseconds, json!({})).since, [Some(0.0), Some(0.05)]);
+    let milliseconds = times("time_ms\n1000\n1050\n", json!({}));
+    let expected = Times { since: vec![Some(0.0), Some(0.05)], begin: 1.0, how: "column `time_ms`, in ms".into() };
+    assert_eq!(milliseconds, expected);
+    assert_eq!(times("t\n0.5\n\n", json!({})).since, [Some(0.5)]);
+    assert_eq!(times("t\n500\n1500\n", json!({"time_unit": "us"})).since, [Some(0.0), Some(0.001)]);
+    for name in ["timestampMs", "timeMs", "timestamp [ms]", "Time (ms)", "timestamp_milliseconds"] {
+        let times = times(&format!("{name}\n100\n200\n"), json!({}));
+        assert_eq!((times.begin, &times.since[..]), (0.1, &[Some(0.0), Some(0.1)][..]), "{name}");
+    }
+    assert_eq!(times("times\n1\n2\n", json!({})).begin, 1.0);
 }

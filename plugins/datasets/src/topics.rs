@@ -57,7 +57,8 @@ struct Seen {
 /// Messages with numbers of a topic: when they were recorded and what they say.
 struct Series {
     kind: Numbers,
-    values: Vec<(u64, Reading)>,
+    /// What is wrong with a message is an error of the frames that need it.
+    values: Vec<(u64, Result<Reading>)>,
 }
 
 impl Drive {
@@ -87,7 +88,10 @@ impl Drive {
                 .unit("s"),
             Parameter::choice("clock", &["log", "header"], clock),
         ];
-        parameters.extend(Units::parameters("m/s"));
+        let [_, speed_unit] = Units::parameters("m/s");
+        let full_lock = "the recorded steering that is full steering to the right, negative if the recording counts to the left, such as -0.44 \
+                         for radians; 0: 1 for a Float32, a Float64 and traces of pdk, and for a Twist and an AckermannDrive it has to be set";
+        parameters.extend([Parameter::number("full_lock", 0.0, full_lock), speed_unit]);
         parameters
     }
 
@@ -111,9 +115,8 @@ impl Drive {
                 let series = numbers
                     .entry(message.topic.to_owned())
                     .or_insert_with(|| Series { kind, values: Vec::new() });
-                let reading = kind
-                    .read(message.data)
-                    .map_err(|error| error.at(format_args!("topic `{}`", message.topic)))?;
+                let reading = kind.read(message.data);
+                let reading = reading.map_err(|error| error.at(format_args!("topic `{}`", message.topic)));
                 series.values.push((message.time, reading));
                 few_enough(series.values.len(), message.topic)?;
             } else if !others.contains_key(message.topic) {
@@ -275,6 +278,56 @@ impl<'a, I: Iterator<Item = &'a String>> RevMax for I {
     }
 }
 
+/// The topic that is taken for that of the steering if none is named: of a trace of pdk, of an Ackermann drive, with a name that says so, or
+/// of the only twist. A twist may be anything that moves, such as what a receiver of GPS says.
+///
+/// # Errors
+/// If there are several twists, and nothing says which of them steers.
+fn guessed_steering(numbers: &BTreeMap<String, Series>) -> Result<Option<String>> {
+    let of = |is_kind: fn(Numbers) -> bool| {
+        numbers.iter().filter(move |(_, series)| is_kind(series.kind)).map(|(topic, _)| topic)
+    };
+    let named = || {
+        numbers
+            .iter()
+            .filter(|(_, series)| series.kind != Numbers::State)
+            .map(|(topic, _)| topic)
+            .find(|topic| topic.to_lowercase().contains("steer"))
+    };
+    let certain = of(|kind| kind == Numbers::Control)
+        .next()
+        .or_else(|| of(|kind| matches!(kind, Numbers::Ackermann(_))).next())
+        .or_else(named);
+    if let Some(topic) = certain {
+        return Ok(Some(topic.clone()));
+    }
+    let twists: Vec<&str> = of(|kind| matches!(kind, Numbers::Twist(_))).map(String::as_str).collect();
+    match &twists[..] {
+        [] => Ok(None),
+        [topic] => Ok(Some((*topic).to_owned())),
+        several => Err(Error::new(format!(
+            "several topics could be the steering ({}); name it by `steering`, or write `steering=none`",
+            several.join(", ")
+        ))),
+    }
+}
+
+/// The recorded steering that is full steering to the right.
+///
+/// # Errors
+/// If it is not set, and the kind of the messages does not say it.
+fn full_lock(config: &Config, topic: &str, kind: Numbers, [low, high]: [f64; 2]) -> Result<f64> {
+    match config.number("full_lock") {
+        0.0 if kind.is_to_the_left() => Err(Error::new(format!(
+            "the steering of topic {topic} ({}) is {low} to {high}, counted to the left; set `full_lock` to its value at full steering to \
+             the right, such as -0.44, or `steering=none`",
+            kind.steering()
+        ))),
+        0.0 => Ok(1.0),
+        given => Ok(given),
+    }
+}
+
 /// What was recorded with each picture, and the topic of the steering.
 type Labels = (Vec<Result<Label>>, Option<(String, Numbers)>);
 
@@ -285,7 +338,6 @@ fn labels(
     seen: &[Seen],
     told: &mut Vec<(String, String)>,
 ) -> Result<Labels> {
-    let units = Units::new(config)?;
     let origin = seen.first().map_or(0, |seen| seen.logged);
     let tolerance = config.number("tolerance");
     let named = |what: &str| -> Result<Option<String>> {
@@ -295,15 +347,12 @@ fn labels(
         }
     };
     let steering = match config.text("steering") {
-        "" => numbers
-            .iter()
-            .find(|(_, series)| series.kind.steers())
-            .or_else(|| numbers.iter().find(|(topic, _)| topic.to_lowercase().contains("steer")))
-            .map(|(topic, _)| topic.clone()),
+        "" => guessed_steering(numbers)?,
         _ => named("steering")?,
     };
     let beside = |has: fn(&Reading) -> bool| {
-        let has_one = |topic: &String| numbers[topic].values.first().is_some_and(|(_, reading)| has(reading));
+        let has_one =
+            |topic: &String| numbers[topic].values.iter().flat_map(|(_, reading)| reading).next().is_some_and(has);
         steering.clone().filter(has_one)
     };
     let speed = match config.text("speed") {
@@ -317,47 +366,54 @@ fn labels(
         _ => named("throttle")?,
     };
     let brake = named("brake")?;
-    // The values of a topic in the order of their times, in seconds after the first picture.
-    let series = |topic: &Option<String>, value: fn(&Reading) -> f64| -> Vec<(f64, f64)> {
+    // The messages of a topic in the order of their times, in seconds after the first picture.
+    let series = |topic: &Option<String>| -> Vec<(f64, &Result<Reading>)> {
         let values =
             topic.as_ref().and_then(|topic| numbers.get(topic)).map_or(&[][..], |series| &series.values);
-        let mut values: Vec<(f64, f64)> =
-            values.iter().map(|(time, reading)| (seconds(*time, origin), value(reading))).collect();
+        let mut values: Vec<_> =
+            values.iter().map(|(time, reading)| (seconds(*time, origin), reading)).collect();
         values.sort_by(|a, b| a.0.total_cmp(&b.0));
         values
     };
-    let [steerings, brakes] = [&steering, &brake].map(|topic| series(topic, |reading| reading.first));
-    let throttles = series(&throttle, |reading| reading.throttle.unwrap_or(reading.first));
-    let speeds = series(&speed, |reading| reading.speed.unwrap_or(reading.first));
+    let [steerings, throttles, brakes, speeds] = [&steering, &throttle, &brake, &speed].map(series);
+    let first = |reading: &Reading| reading.first;
     let mut tell = |what: &str, topic: &Option<String>, how: String| {
         let topic = topic.as_ref().map(|topic| format!("topic {topic}{how}"));
         told.push((what.to_owned(), topic.unwrap_or_else(|| "not recorded".to_owned())));
     };
-    let how = match (&steering, steerings.is_empty()) {
-        (Some(topic), false) => {
-            let (low, high) = range(steerings.iter().map(|(_, value)| *value));
-            let field = numbers[topic].kind.steering();
-            format!(", {field}, {}, at most {tolerance} s away", units.describe_steering(low, high)?)
+    let (how, units) = match (&steering, range(steerings.iter().flat_map(|(_, reading)| *reading).map(first))) {
+        (Some(topic), (low, high)) if low <= high => {
+            let kind = numbers[topic].kind;
+            let units = Units::of(config, full_lock(config, topic, kind, [low, high])?)?;
+            let how = units.describe_steering(low, high)?;
+            (format!(", {}, {how}, at most {tolerance} s away", kind.steering()), units)
         }
-        _ => String::new(),
+        _ => (String::new(), Units::of(config, 1.0)?),
     };
     tell("steering", &steering, how);
     tell("throttle", &throttle, String::new());
     tell("speed", &speed, format!(", in {}", units.speed_name()));
     let label = |seen: &Seen| -> Result<Label> {
         let time = seconds(seen.logged, origin);
-        let value = |what: &str, topic: &Option<String>, values: &[(f64, f64)]| match topic {
+        let value = |what: &str,
+                     topic: &Option<String>,
+                     messages: &[(f64, &Result<Reading>)],
+                     value: fn(&Reading) -> f64| match topic {
             None => Ok(f64::NAN),
-            Some(topic) => nearest(values, time, tolerance).ok_or_else(|| {
-                Error::new(format!(
+            Some(topic) => match nearest(messages, time, tolerance) {
+                Some(reading) => reading.as_ref().map(value).map_err(Clone::clone),
+                None => Err(Error::new(format!(
                     "topic {topic} has no message within {tolerance} s, for the {what}; set `tolerance`"
-                ))
-            }),
+                ))),
+            },
         };
+        let pressed = |reading: &Reading| reading.throttle.unwrap_or(reading.first);
+        let driven = |reading: &Reading| reading.speed.unwrap_or(reading.first);
+        let throttle = value("throttle", &throttle, &throttles, pressed)?;
         Ok(Label {
-            steering: units.steering(value("steering", &steering, &steerings)?),
-            throttle: pedals(value("throttle", &throttle, &throttles)?, value("brake", &brake, &brakes)?)?,
-            speed: units.speed(value("speed", &speed, &speeds)?),
+            steering: units.steering(value("steering", &steering, &steerings, first)?),
+            throttle: pedals(throttle, value("brake", &brake, &brakes, first)?)?,
+            speed: units.speed(value("speed", &speed, &speeds, driven)?),
         })
     };
     let labels = seen.iter().map(label).collect();

@@ -10,7 +10,7 @@ use crate::label::{Label, Units};
 use crate::listing::{ends_in, is_picture, names};
 use crate::place::{Named, beyond, not_listed, unsuitable};
 use crate::reel;
-use crate::table::{Columns, Table, only_table};
+use crate::table::{Columns, Table, Times, only_table};
 
 /// How the names of videos end.
 const ENDINGS: [&str; 8] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "qt", "mp4v"];
@@ -167,7 +167,8 @@ impl Video {
                 format!("by the numbers in {}, the first frame being {first}", table.title(column)),
             ));
         }
-        if let Some((times, how)) = table.times(columns, config) {
+        if let Some(Times { since, begin, how }) = table.times(columns, config) {
+            let times: Vec<_> = since.into_iter().map(|time| Some(begin + time?)).collect();
             let end = self.decoder.time(self.decoder.count());
             let first = times.iter().flatten().copied().reduce(f64::min).unwrap_or_default();
             let offset = match config.text("offset") {
@@ -375,6 +376,13 @@ mod tests {
         let by_time = steering("time,steering\n1000,0.1\n1000.12,0.2\n1000.33,0.3\n", json!({})).unwrap();
         assert_eq!((by_time[0], by_time[1], by_time[3]), (0.1, 0.2, 0.3));
         assert!(by_time[2].is_nan() && by_time[4].is_nan());
+        // Labels that begin within the video belong to its later frames, in whole milliseconds as well.
+        for (name, offset) in [("time_ms", json!({})), ("timestampMs", json!({"offset": 0}))] {
+            let late = (5..10).map(|n| format!("{n}00,0.{n}\n")).collect::<String>();
+            let late = steering(&format!("{name},steering\n{late}"), offset).unwrap();
+            assert!(late[..5].iter().all(|label| label.is_nan()), "{name}: {late:?}");
+            assert_eq!(late[5..], [0.5, 0.6, 0.7, 0.8, 0.9], "{name}");
+        }
         let wide = steering("time,steering\n0,0.1\n", json!({"tolerance": 100})).unwrap();
         assert_eq!(wide, [0.1; 10]);
         let in_order: String = (0..10).map(|n| format!("0.{n}\n")).collect();

@@ -34,7 +34,7 @@ impl Config {
                 Some(value) => {
                     check_value(parameter, value)
                         .map_err(|e| e.at(format!("{} `{}`", description.kind, description.name)))?;
-                    values.insert(parameter.name.clone(), value.clone());
+                    values.insert(parameter.name.clone(), as_kept(parameter, value));
                 }
                 None if parameter.levels.is_some() || !effective => {}
                 None if parameter.is_required() => {
@@ -145,6 +145,14 @@ fn unknown_parameter(description: &Description, name: &str) -> Error {
     })
 }
 
+/// The value as components get it. A text may be given as a number, such as that of a column: `steering=2`.
+fn as_kept(parameter: &Parameter, value: &Value) -> Value {
+    match (&parameter.kind, value) {
+        (ParameterType::Text, Value::Number(number)) => Value::String(number.to_string()),
+        _ => value.clone(),
+    }
+}
+
 fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
     // What follows the intensity may be given a course of its own.
     if let (Some(_), Value::Array(levels)) = (&parameter.levels, value) {
@@ -186,7 +194,8 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
             Some(v) if !parameter.stands_for.is_empty() && v.contains('/') => Err(not_here(parameter, v)),
             _ => wrong(format!("one of {}", options.join(", "))),
         },
-        ParameterType::Text | ParameterType::Path if value.is_string() => Ok(()),
+        ParameterType::Text if value.is_string() || value.is_number() => Ok(()),
+        ParameterType::Path if value.is_string() => Ok(()),
         ParameterType::Text => wrong("a text".into()),
         ParameterType::Path => wrong("a path".into()),
         ParameterType::Json => Ok(()),
@@ -266,6 +275,18 @@ mod tests {
         assert_eq!(
             of(Description::driver("net", "A network")),
             "driver `net` has no parameters, so `probabilty` cannot be set"
+        );
+    }
+
+    #[test]
+    fn a_text_may_be_given_as_a_number() {
+        let description = Description::dataset("csv", "").parameter(Parameter::text("steering", "a column"));
+        let given = |value: Value| Config::check(&description, json!({"steering": value}).as_object().unwrap());
+        assert_eq!(given(json!(2)).unwrap().text("steering"), "2");
+        assert_eq!(given(json!(-0.25)).unwrap().text("steering"), "-0.25");
+        assert_eq!(
+            given(json!(true)).unwrap_err().to_string(),
+            "dataset `csv`: parameter `steering` is true, but has to be a text"
         );
     }
 

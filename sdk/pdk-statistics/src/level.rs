@@ -25,6 +25,8 @@ pub struct FailingLevel {
     pub low: Option<f64>,
     /// The upper end, in the same terms; none if it may lie above the highest level.
     pub high: Option<f64>,
+    /// The highest level that was driven.
+    pub highest: f64,
     /// How many drives it was found with.
     pub drives: usize,
 }
@@ -92,7 +94,7 @@ pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<Faili
     let mut means = vec![Shares::default(); levels.len()];
     over_roads(&roads, &all, &mut means);
     let level = reached(crossing(&levels, &means));
-    Some(FailingLevel { level, low: reached(low), high: reached(high), drives })
+    Some(FailingLevel { level, low: reached(low), high: reached(high), highest, drives })
 }
 
 /// The share that fails at a level.
@@ -340,7 +342,7 @@ mod tests {
     fn the_level_is_where_half_of_the_roads_fail() {
         let roads = [0.5, 1.5, 1.6, 2.5, 2.6, 3.5].map(|threshold| trials(threshold, &LEVELS));
         let half = found(&roads).unwrap();
-        assert_eq!((half.level, half.drives), (Some(2.0), 30));
+        assert_eq!((half.level, half.highest, half.drives), (Some(2.0), 4.0, 30));
         assert!(half.low.unwrap() < 2.0 && half.high.is_none_or(|high| high > 2.0), "{half:?}");
         assert_eq!(ends(found(&vec![trials(9.0, &LEVELS); 10])), (None, None, None));
         assert_eq!(ends(found(&vec![trials(0.0, &LEVELS); 10])), (Some(0.0), Some(0.0), Some(0.0)));

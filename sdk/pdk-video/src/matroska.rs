@@ -81,7 +81,10 @@ pub fn stream_head([width, height]: [usize; 2], duration: f64) -> Vec<u8> {
         0x1549_A966,
         &[number(0x2A_D7B1, 1), element(0x4D80, b"pdk"), element(0x5741, b"pdk")],
     ));
-    let picture = [number(0xB0, width as u64), number(0xBA, height as u64), element(0x2E_B524, b"I420")];
+    // The matrix of BT.601 and a range from 16 to 235, which encoders write into the video; players guess if it is missing.
+    let color = parent(0x55B0, &[number(0x55B1, 6), number(0x55B9, 1)]);
+    let size = [number(0xB0, width as u64), number(0xBA, height as u64)];
+    let picture = [size.concat(), element(0x2E_B524, b"I420"), color];
     let track = [
         number(0xD7, 1),
         number(0x73C5, 1),

@@ -163,7 +163,7 @@ fn task_tables(summary: &Value) -> String {
             ]);
         }
         table.add_row([
-            Cell::new("mean (mCE, relative mCE)"),
+            Cell::new(format!("mean (mCE, relative mCE) over {} of {}", errors["over"], errors["of"])),
             right(String::new()),
             right(String::new()),
             percent(&errors["mce"]),

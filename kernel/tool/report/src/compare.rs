@@ -305,12 +305,16 @@ type Pairs<'a> = Vec<(&'a Scenario, &'a Scenario)>;
 /// Of the scenarios that both drove: how many there are, how many both fail, only the other, only the base, and none; then those that
 /// only one of them fails. Several under different luck are paired in their order.
 fn outcomes<'a>(base: &'a Drive, other: &'a Drive) -> ([usize; 5], Pairs<'a>, Pairs<'a>) {
-    type Key<'a> = (&'a str, Option<&'a str>, Option<u64>);
+    type Key<'a> = (&'a str, Option<&'a str>, Option<u64>, u64);
     let of = |drive: &'a Drive| {
         let mut scenarios: BTreeMap<Key<'a>, Vec<&'a Scenario>> = BTreeMap::new();
         for scenario in drive.scenarios.iter().filter(|s| s.verdict != Verdict::Void) {
-            let place =
-                (scenario.road_id.as_str(), scenario.perturbation.as_deref(), scenario.level.map(key));
+            let place = (
+                scenario.road_id.as_str(),
+                scenario.perturbation.as_deref(),
+                scenario.level.map(key),
+                scenario.repeat,
+            );
             scenarios.entry(place).or_default().push(scenario);
         }
         scenarios

@@ -97,7 +97,7 @@ pub fn conclusions(drive: &Drive) -> Conclusions {
             let found = failing_level(&on_roads(&trials, name, &roads), CONFIDENCE);
             let estimate = tally.estimate();
             let (fails_at, level_interval) =
-                found.map_or_else(Default::default, |found| told(&found, highest));
+                found.map_or_else(Default::default, |found| told(&found));
             let paired = compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE);
             Row {
                 group,
@@ -167,10 +167,10 @@ fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
 }
 
 /// A failing level and its interval.
-pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
+pub fn told(found: &FailingLevel) -> (String, String) {
     let of = |level: Option<f64>| match level {
         Some(level) => crate::text::level(level),
-        None => format!("above {}", crate::text::short(highest)),
+        None => format!("above {}", crate::text::short(found.highest)),
     };
     let level = found.level.map_or("never".to_owned(), crate::text::level);
     let interval = match found.low {

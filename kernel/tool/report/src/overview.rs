@@ -21,8 +21,6 @@ pub struct Overview {
     drivers: Vec<String>,
     /// The perturbations, the worst first.
     rows: Vec<Row>,
-    /// The highest level that was driven.
-    highest: String,
     /// What the colours stand for.
     legend: Vec<Ramp>,
 }
@@ -59,7 +57,7 @@ pub fn overview(drives: &[Drive]) -> Option<Overview> {
             .zip(drives)
             .map(|(found, drive)| {
                 let (found, roads) = found.as_ref()?;
-                let (level, interval) = told(found, highest);
+                let (level, interval) = told(found);
                 let title = format!(
                     "{name}, {} in {}: fails from level {level} on (95 %: {interval}), {} on {}",
                     drive.driver,
@@ -90,7 +88,6 @@ pub fn overview(drives: &[Drive]) -> Option<Overview> {
             &format!("survives level {}", text::short(highest)),
             "fails at level 0",
         )],
-        highest: text::short(highest),
     })
 }
 

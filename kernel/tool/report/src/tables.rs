@@ -1,6 +1,6 @@
 //! The tables of a page as plain data, for other programs and for papers.
 
-use crate::closed_loop::failing::{failing, highest};
+use crate::closed_loop::failing::failing;
 use crate::conclusions::conclusions;
 use crate::heat::{Cell as HeatCell, Grid};
 use crate::text::{level, number, p_value, percent, short, signed, signed_percent};
@@ -125,9 +125,9 @@ fn columns(names: &[&str]) -> Vec<String> {
 
 /// From which level on each perturbation makes each driver fail; none if nothing was driven at levels.
 fn failing_levels(drives: &[Drive]) -> Option<Table> {
-    let row = |drive: &Drive, highest: f64| {
-        let beyond = format!("above {}", short(highest));
+    let row = |drive: &Drive| {
         let of = |found: crate::closed_loop::failing::Failing| {
+            let beyond = format!("above {}", short(found.highest));
             let one_road = found.roads < 2;
             // On one road there is no interval, and what was survived and failed there stands in its place.
             let low = if one_road { Cell::known(found.low, level) } else { Cell::level(found.low, &beyond) };
@@ -144,7 +144,7 @@ fn failing_levels(drives: &[Drive]) -> Option<Table> {
         };
         failing(drive).into_iter().map(of).collect::<Vec<_>>()
     };
-    let rows: Vec<Vec<Cell>> = drives.iter().flat_map(|drive| row(drive, highest([drive]))).collect();
+    let rows: Vec<Vec<Cell>> = drives.iter().flat_map(row).collect();
     (!rows.is_empty()).then(|| Table {
         name: "failing-levels".to_owned(),
         title: "Level from which on a perturbation makes a driver fail, with its interval of 95 % over roads"

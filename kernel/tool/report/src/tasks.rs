@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::color::Hue;
-use crate::heat::{Cell, Columns, Entry, Grid, Ramp};
-use crate::text::{self, number, was};
+use crate::heat::{Cell, Columns, Entry, Grid, Ramp, key};
+use crate::text::{number, was};
 use crate::view::{Task, TaskNumber};
 
 /// What the page says about an evaluation of a predictor.
@@ -51,16 +51,26 @@ fn grid(task: &TaskNumber) -> Grid {
         Cell::new(number(value), format!("{what}: {}", number(value)), Hue::Distance, share).of(Some(value))
     };
     let mut order: Vec<String> = Vec::new();
-    let mut entries: Vec<Entry> = Vec::new();
+    // The place of each cell, with the values in it.
+    let mut places: Vec<(&String, f64, Vec<f64>)> = Vec::new();
     for (label, level, value) in &task.cells {
         if !order.contains(label) {
             order.push(label.clone());
         }
-        entries.push(Entry {
-            row: Some(label.clone()),
-            level: Some(columns.column(*level)),
-            cell: cell(*value, format!("{label} at level {}", text::short(*level))),
-        });
+        let column = columns.column(*level);
+        match places.iter_mut().find(|(other, place, _)| (*other, key(*place)) == (label, key(column))) {
+            Some((.., values)) => values.push(*value),
+            None => places.push((label, column, vec![*value])),
+        }
+    }
+    let mut entries: Vec<Entry> = Vec::new();
+    for (label, column, values) in places {
+        let what = match values.len() {
+            1 => format!("{label} at level {}", columns.name(column)),
+            several => format!("{label} at level {}, the mean of {several} levels", columns.name(column)),
+        };
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        entries.push(Entry { row: Some(label.clone()), level: Some(column), cell: cell(mean, what) });
     }
     entries.extend(task.original.map(|value| Entry {
         row: None,

@@ -266,9 +266,10 @@ pub(super) const TASK_RESULT: ApiRecord = ApiRecord {
         ),
         field(
             "corruption_errors",
-            "{ baseline: string, mce: number?, relative_mce: number?, rows: { { label: string, error: number, baseline_error: number?, \
+            "{ baseline: string, over: number, of: number, mce: number?, relative_mce: number?, rows: { { label: string, error: number, baseline_error: number?, \
              ce: number?, relative_ce: number? } } }?",
-            "The errors of a classification relative to those of its baseline, where 1 is as good as that.",
+            "The errors of a classification relative to those of its baseline, where 1 is as good as that; `mce` is the mean over `over` of \
+             the `of` perturbations that the baseline has.",
         ),
     ],
 };

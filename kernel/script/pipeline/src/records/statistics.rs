@@ -75,6 +75,7 @@ pub(super) const FAILING_LEVEL: ApiRecord = ApiRecord {
             "The lower end of its interval, a level that was driven; nil if it lies above the highest.",
         ),
         field("high", "number?", "The upper end; nil if it may lie above the highest level."),
+        field("highest", "number", "The highest level that was driven."),
         field("drives", "number", "How many drives it was found with."),
     ],
 };

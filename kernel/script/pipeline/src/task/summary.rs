@@ -4,7 +4,7 @@ use pdk_model::perturbation::AppliedPerturbation;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::baseline::CorruptionErrors;
+use super::baseline::{CorruptionErrors, UnderPerturbation};
 use super::metric::Metric;
 use super::total::Total;
 use crate::evaluation::{BadFrame, TaskFrame, level_of};
@@ -115,18 +115,13 @@ impl TaskCollector {
 fn corruption_errors(metric: &Metric, original: &[Total], rows: &[TaskRow]) -> Option<CorruptionErrors> {
     let Metric::Classification { baseline: Some(baseline), .. } = metric else { return None };
     let top1 = |totals: &[Total]| totals.first()?.value;
-    let mut errors: Vec<(String, f64, usize)> = Vec::new();
+    let mut under: Vec<UnderPerturbation> = Vec::new();
     for row in rows {
-        let error = top1(&row.totals)?;
-        match errors.iter_mut().find(|(label, ..)| *label == row.label) {
-            Some((_, sum, levels)) => {
-                *sum += error;
-                *levels += 1;
-            }
-            None => errors.push((row.label.clone(), error, 1)),
+        let error = (row.level, top1(&row.totals)?);
+        match under.iter_mut().find(|under| under.label == row.label) {
+            Some(under) => under.errors.push(error),
+            None => under.push(UnderPerturbation { label: row.label.clone(), errors: vec![error] }),
         }
     }
-    let means: Vec<(String, f64)> =
-        errors.into_iter().map(|(label, sum, levels)| (label, sum / levels as f64)).collect();
-    Some(baseline.compare(top1(original)?, &means))
+    Some(baseline.compare(top1(original)?, &under))
 }

@@ -29,6 +29,8 @@ pub struct Failing {
     pub low: Option<f64>,
     /// The upper end.
     pub high: Option<f64>,
+    /// The highest level at which it was driven, which may lie below that of others.
+    pub highest: f64,
     /// On how many roads it was driven.
     pub roads: usize,
     /// How many drives tell it.
@@ -38,16 +40,17 @@ pub struct Failing {
 }
 
 impl Failing {
-    /// The level and its interval as texts; `highest` is the highest level that was driven.
-    pub fn told(&self, highest: f64) -> (String, String) {
+    /// The level and its interval as texts.
+    pub fn told(&self) -> (String, String) {
         if self.roads > 1 {
             let found = pdk_statistics::level::FailingLevel {
                 level: self.level,
                 low: self.low,
                 high: self.high,
+                highest: self.highest,
                 drives: self.drives,
             };
-            return told(&found, highest);
+            return told(&found);
         }
         let level = match (self.low, self.high) {
             (_, None) => "never".to_owned(),
@@ -98,6 +101,7 @@ fn found(name: &str, roads: &[String], trials: &Trials<'_>) -> Option<Failing> {
         level,
         low,
         high,
+        highest: found.highest,
         roads: driven.len(),
         drives: found.drives,
         any_failed: lowest.is_some(),
@@ -153,8 +157,11 @@ pub fn picture(drives: &[&Drive]) -> Option<Tracks> {
                 .to_owned(),
             false => format!(
                 "A dot is the level at which the probability of failing reaches one half, a bar its interval of 95 %. A ring stands for a \
-                 driver that does not fail half of the time up to level {}; its interval may reach down to levels at which it could.",
-                short(highest)
+                 driver that does not fail half of the time up to {}; its interval may reach down to levels at which it could.",
+                match of_drives.iter().flat_map(BTreeMap::values).all(|found| found.highest == highest) {
+                    true => format!("level {}", short(highest)),
+                    false => "the highest level at which the perturbation was driven".to_owned(),
+                }
             ),
         },
         scale: "level".to_owned(),
@@ -175,16 +182,16 @@ fn title(drive: &Drive, one_simulator: bool) -> String {
 
 fn track(found: &Failing, drive: &Drive, highest: f64) -> Track {
     let at = |level: Option<f64>| level.map_or(tracks::beyond(), |level| tracks::place(level, highest, true));
-    let (text, interval) = found.told(highest);
+    let (text, interval) = found.told();
     let driven = format!("{} on {}", count(found.drives, "drive"), count(found.roads, "road"));
     let told = match (found.roads, found.level, found.low) {
-        (1, None, _) => format!("survived every level up to {}", short(highest)),
+        (1, None, _) => format!("survived every level up to {}", short(found.highest)),
         (1, Some(failed), None) => format!("failed level {}, the lowest that says it", short(failed)),
         (1, Some(failed), Some(survived)) => {
             format!("survived level {} and failed level {}", short(survived), short(failed))
         }
         (_, None, _) => {
-            format!("does not fail half of the time up to level {} (95 %: {interval})", short(highest))
+            format!("does not fail half of the time up to level {} (95 %: {interval})", short(found.highest))
         }
         _ => format!("fails from level {text} on (95 %: {interval})"),
     };
@@ -232,7 +239,7 @@ mod tests {
     fn on_one_road_a_level_lies_between_what_was_survived_and_what_failed() {
         let drive = drive("a", 1, &[("rain", 9.0), ("snow", 4.0), ("fog", 0.0)]);
         let told: Vec<_> =
-            failing(&drive).iter().map(|found| (found.name.clone(), found.told(4.0).0)).collect();
+            failing(&drive).iter().map(|found| (found.name.clone(), found.told().0)).collect();
         let expected = [("fog", "1 or less"), ("snow", "2 to 4"), ("rain", "never")];
         assert_eq!(told, expected.map(|(name, level)| (name.to_owned(), level.to_owned())));
         let picture = picture(&[&drive]).unwrap();

@@ -4,7 +4,7 @@ use pdk_model::outcome::failing_unperturbed;
 use pdk_statistics::CONFIDENCE;
 use pdk_statistics::share::share;
 
-use crate::closed_loop::failing::{FEWEST_ROADS, Failing, TOGETHER, failing, highest};
+use crate::closed_loop::failing::{FEWEST_ROADS, Failing, TOGETHER, failing};
 use crate::closed_loop::luck::luck;
 use crate::compare;
 use crate::conclusions::roads;
@@ -43,7 +43,6 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
 fn broken_by(drive: &Drive, place: &str) -> Option<String> {
     let found = failing(drive);
     let most = found.iter().map(|found| found.roads).max()?;
-    let highest = highest([drive]);
     let driver = &drive.driver;
     let broken: Vec<&Failing> = found.iter().filter(|found| found.level.is_some()).collect();
     let sometimes: Vec<&Failing> =
@@ -53,14 +52,19 @@ fn broken_by(drive: &Drive, place: &str) -> Option<String> {
         several => format!("all {several} perturbations"),
     };
     if broken.is_empty() && sometimes.is_empty() {
-        return Some(format!("{driver}{place} survives {all} up to level {}.", text::short(highest)));
+        let [least, most] = [f64::min, f64::max].map(|pick| found.iter().map(|found| found.highest).reduce(pick));
+        let [least, most] = [least, most].map(|level| text::short(level.unwrap_or_default()));
+        return Some(match least == most {
+            true => format!("{driver}{place} survives {all} up to level {most}."),
+            false => format!("{driver}{place} survives {all}, each up to the highest level driven, {least} to {most}."),
+        });
     }
     let mut levels: Vec<String> = broken
         .iter()
         .take(NAMED)
         .enumerate()
         .map(|(number, found)| {
-            let (level, interval) = found.told(highest);
+            let (level, interval) = found.told();
             match (most, number) {
                 (1, _) => format!("{} ({})", found.name, on_one_road(found)),
                 (few, _) if few < FEWEST_ROADS => format!("{} from level {level} on", found.name),

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::color::Hue;
 use crate::heat::{self, Cell, Columns, Entry, Grid, Ramp};
 use crate::offline::by_severity;
-use crate::text::{count, number, percent, short, signed};
+use crate::text::{count, number, percent, signed};
 use crate::view::{Evaluation, EvaluationCell};
 
 /// A driver beside the one that it is compared with.
@@ -164,24 +164,25 @@ fn measure(base: &Evaluation, other: &Evaluation) -> &'static str {
 }
 
 fn grid(base: &Evaluation, other: &Evaluation, names: &[String]) -> Grid {
+    let columns = Columns::of(other.cells.iter().map(|cell| cell.level));
     let mut found = Vec::new();
     for name in names {
-        let levels: BTreeMap<u64, f64> = other
-            .cells
-            .iter()
-            .filter(|cell| cell.perturbation == *name)
-            .map(|cell| (heat::key(cell.level), cell.level))
+        let of_name = other.cells.iter().filter(|cell| cell.perturbation == *name);
+        let places: BTreeMap<u64, f64> = of_name
+            .map(|cell| columns.column(cell.level))
+            .map(|column| (heat::key(column), column))
             .collect();
-        for (key, level) in levels {
-            let wanted = |cell: &EvaluationCell| cell.perturbation == *name && heat::key(cell.level) == key;
-            found.extend(differ(base, other, wanted).map(|figures| (name, level, figures)));
+        for (key, column) in places {
+            let wanted = |cell: &EvaluationCell| {
+                cell.perturbation == *name && heat::key(columns.column(cell.level)) == key
+            };
+            found.extend(differ(base, other, wanted).map(|figures| (name, column, figures)));
         }
     }
     let largest = found.iter().map(|(.., figures)| figures.difference.value.abs()).fold(0.0, f64::max);
-    let columns = Columns::of(found.iter().map(|(_, level, _)| *level));
     let entries: Vec<Entry> = found
         .iter()
-        .map(|(name, level, figures)| {
+        .map(|(name, column, figures)| {
             let value = figures.difference.value;
             let interval = figures.interval();
             let sure = if interval.is_empty() {
@@ -191,7 +192,7 @@ fn grid(base: &Evaluation, other: &Evaluation, names: &[String]) -> Grid {
             };
             let title = format!(
                 "{name} at level {}: {} is off by {}, {} by {}{sure}",
-                short(*level),
+                columns.name(*column),
                 base.driver,
                 number(figures.base),
                 other.driver,
@@ -200,7 +201,7 @@ fn grid(base: &Evaluation, other: &Evaluation, names: &[String]) -> Grid {
             let hue = if value > 0.0 { Hue::Failed } else { Hue::Better };
             let share = if largest > 0.0 { value.abs() / largest } else { 0.0 };
             let cell = Cell::new(signed(value), title, hue, share).of(Some(value));
-            Entry { row: Some((*name).clone()), level: Some(columns.column(*level)), cell }
+            Entry { row: Some((*name).clone()), level: Some(*column), cell }
         })
         .collect();
     let legend = vec![
