@@ -80,7 +80,7 @@ class State:
     time: float | None = None
     #: Free distance to the vehicle ahead in metres; none on a free road.
     vehicle_ahead: float | None = None
-    #: The vehicle has left its lane.
+    #: The vehicle has left its lane. If it is left out, it has if its cross-track error is 2 m or more.
     lane_departure: bool | None = None
     #: The vehicle has hit something.
     collision: bool | None = None

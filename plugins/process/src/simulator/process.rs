@@ -2,6 +2,7 @@
 
 use pdk_adapter::process::Launched;
 use pdk_adapter::{Deadline, Track};
+use pdk_road::LANE_WIDTH;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 
@@ -45,7 +46,8 @@ impl Component for Process {
         let description = Description::simulator(
             "process",
             "A program of yours, in any language, that gets controls and gives states and pictures through shared memory",
-        );
+        )
+        .version(2);
         Options::describe(description, "simulator").camera([320, 240], 8.0..=8192.0)
     }
 
@@ -179,15 +181,20 @@ impl Drive {
             })
         };
         let told_or = |name: &str, known: Option<f64>| number(name)?.map_or_else(|| follows(name, known), Ok);
+        let heading = told_or("heading", place.map(|place| place.heading))?;
+        let speed = number("speed")?.ok_or_else(|| wrong("speed"))?;
+        let cross_track_error = told_or("cross_track_error", place.map(|place| place.cross_track_error))?;
+        // At the edge of the lane, as in the other simulators.
+        let has_departed = cross_track_error.abs() >= LANE_WIDTH / 2.0;
         self.state = State {
             time: number("time")?.unwrap_or(self.steps as f64 / camera.rate),
             position,
-            heading: told_or("heading", place.map(|place| place.heading))?,
-            speed: number("speed")?.ok_or_else(|| wrong("speed"))?,
-            cross_track_error: told_or("cross_track_error", place.map(|place| place.cross_track_error))?,
+            heading,
+            speed,
+            cross_track_error,
             progress: told_or("progress", place.map(|place| place.progress))?,
             vehicle_ahead: number("vehicle_ahead")?.unwrap_or(f64::INFINITY),
-            lane_departure: flag("lane_departure")?.unwrap_or(false),
+            lane_departure: flag("lane_departure")?.unwrap_or(has_departed),
             collision: flag("collision")?.unwrap_or(false),
             finished: flag("finished")?.unwrap_or(place.is_some_and(|place| place.finished)),
         };
@@ -231,6 +238,30 @@ mod tests {
             (7.0, 1.0, -3.0, 0.5)
         );
         assert_eq!((state.vehicle_ahead, state.flags()), (4.0, [true; 3]));
+    }
+
+    #[test]
+    fn a_vehicle_2_m_from_the_centre_of_its_lane_has_left_it_unless_the_program_says_otherwise() {
+        let road = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 100.0]];
+        for (x, told, departed) in [
+            (1.9, json!({}), false),
+            (2.1, json!({}), true),
+            (-2.1, json!({}), true),
+            // Its own cross-track error counts, not the one of the road.
+            (0.0, json!({"cross_track_error": -2.5}), true),
+            (2.1, json!({"cross_track_error": 0.5}), false),
+            (2.1, json!({"lane_departure": false}), false),
+            (0.0, json!({"lane_departure": true}), true),
+        ] {
+            let mut state = json!({"position": [x, 0, 0], "speed": 8});
+            state.as_object_mut().unwrap().extend(told.as_object().unwrap().clone());
+            let mut drive = Drive { track: Some(Track::new(road.clone()).unwrap()), ..Drive::default() };
+            let found = drive.follow(&json!({ "state": state }), CAMERA, "it").unwrap();
+            assert_eq!(found.lane_departure, departed, "{state}");
+        }
+        let told =
+            json!({"position": [0, 0, 0], "speed": 8, "heading": 0, "cross_track_error": 3, "progress": 0});
+        assert!(Drive::default().follow(&json!({ "state": told }), CAMERA, "it").unwrap().lane_departure);
     }
 
     #[test]
