@@ -95,7 +95,7 @@ impl Link {
         let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
         let mut held = Held::new(Kind::Perturbation, component, instance);
         held.rename(label(applied));
-        let dice = Dice::new(applied, number, seed);
+        let dice = Dice::new(applied, &description, number, seed);
         let selection = applied.selection.as_ref();
         let attention = applied.attention.as_ref();
         Ok(Self {
@@ -344,14 +344,18 @@ impl Parameters {
 }
 
 impl Dice {
-    fn new(applied: &AppliedPerturbation, number: u64, seed: u64) -> Self {
+    fn new(applied: &AppliedPerturbation, description: &Description, number: u64, seed: u64) -> Self {
         let AppliedPerturbation { name, draws, probability, .. } = applied;
         let nothing = Key([0; 32]);
+        // What draws for every frame already keeps its key: it may ask what an earlier frame drew, such as whether that was lost.
+        let is_per_frame =
+            description.drawn_per_sequence.is_empty() && !description.drawn_per_frame.is_empty();
+        let draws = draws.filter(|draws| *draws != Draws::PerFrame || !is_per_frame);
         let mut dice = Self {
             name: name.clone(),
             number,
             key: nothing,
-            draws: *draws,
+            draws,
             probability: *probability,
             chance_key: nothing,
         };
