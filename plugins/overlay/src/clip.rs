@@ -25,6 +25,8 @@ impl Frames for Video {
             return Ok(false);
         }
         self.count += 1;
+        // The screen is looked for, and colours are mixed, in planes of this coding.
+        self.frame.to_bt601();
         // The planes are laid out as the picture has them, so the memory is exchanged.
         (into.width, into.height, into.layout) = (self.frame.width, self.frame.height, Layout::Yuv420);
         std::mem::swap(&mut into.data, &mut self.frame.data);

@@ -26,7 +26,7 @@ impl Component for Overlay {
     fn description() -> Description {
         let description =
             Description::perturbation("overlay", "Lays a green-screen clip of the user's over the frame")
-                .version(5)
+                .version(6)
                 .not_default()
                 .source("Chroma keying by screen subtraction: Jack, Video Demystified");
         with_motion(with_common(description), ["cross-fade", "ping-pong", "repeat"])

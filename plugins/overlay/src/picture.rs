@@ -60,8 +60,8 @@ impl Picture {
     }
 }
 
-/// The weights of red and blue in luma: ITU-R BT.601. It is what the published tool's decoder uses for clips of any size,
-/// so a key colour read there holds here.
+/// The weights of red and blue in luma: ITU-R BT.601. Videos that name another matrix or full range are brought to it when they are read;
+/// those that name none are taken for it at any size, as the published tool's decoder does.
 const RED: f32 = 0.299;
 const BLUE: f32 = 0.114;
 

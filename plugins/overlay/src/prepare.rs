@@ -15,7 +15,7 @@ use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// The screen of the clips that come with pdk.
 const SCREEN: [u8; 3] = [0, 219, 26];
 /// Pictures in which the screen is searched for.

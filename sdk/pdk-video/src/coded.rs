@@ -53,6 +53,10 @@ fn clips_of_each_coding_have_the_colours_that_were_drawn() {
             assert_eq!(picture.coding, Coding { matrix, full_range }, "{name}");
             assert_squares(&rgb(&picture), 2, name);
             writer.push(rgb(&picture).as_ref()).unwrap();
+            let mut brought = picture.clone();
+            brought.to_bt601();
+            assert_eq!(brought.coding, Coding::default());
+            assert_squares(&rgb(&brought), 3, name);
         }
         writer.finish().unwrap();
         // What is written has the colours that were read, whatever they were coded by.

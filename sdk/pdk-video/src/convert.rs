@@ -1,6 +1,6 @@
 //! The picture of a video, from RGB and back by [`yuv`].
 
-use pdk_sdk::ops::yuv::{self, Coding};
+use pdk_sdk::ops::yuv::{self, Coding, Matrix};
 use pdk_sdk::prelude::*;
 
 /// A picture as a video has it: luma, then blue chroma and red chroma, each without gaps between its rows.
@@ -50,6 +50,82 @@ impl Yuv420 {
     pub fn to_rgb(&self, into: FrameMut<'_>) {
         assert_eq!((into.width(), into.height()), (self.width, self.height), "a frame of another size");
         yuv::coded_to_rgb(self.planes(), self.coding, into);
+    }
+
+    /// Brings the planes to BT.601 with luma from 16 to 235, for what works with planes and knows no other coding. Grey stays grey, so
+    /// chroma follows from chroma alone; luma takes that of the nearest sample.
+    pub fn to_bt601(&mut self) {
+        if self.coding == Coding::default() {
+            return;
+        }
+        let from = Terms::of(self.coding.matrix);
+        let to = Terms::of(Matrix::Bt601);
+        // The lowest luma, and what luma and chroma from 0 to 255 are divided by to be of full range.
+        let (black, luma_range, chroma_range) =
+            if self.coding.full_range { (0.0, 1.0, 1.0) } else { (16.0, 219.0 / 255.0, 224.0 / 255.0) };
+        // What a unit of blue and of red chroma adds to the new luma.
+        let [blue_adds, red_adds] = [
+            to.blue * from.blue_of_blue() + to.green() * from.green_of_blue(),
+            to.red * from.red_of_red() + to.green() * from.green_of_red(),
+        ];
+        let byte = |value: f32| (value.clamp(0.0, 255.0) + 0.5) as u8;
+        let (width, half) = (self.width, self.width.div_ceil(2));
+        let [luma, blues, reds] = self.planes_mut();
+        for (y, row) in luma.chunks_exact_mut(width).enumerate() {
+            for (x, luma) in row.iter_mut().enumerate() {
+                let at = y / 2 * half + x / 2;
+                let [blue, red] = [blues[at], reds[at]].map(|chroma| (f32::from(chroma) - 128.0) / chroma_range);
+                let full = (f32::from(*luma) - black) / luma_range + blue_adds * blue + red_adds * red;
+                *luma = byte(16.0 + full * (219.0 / 255.0));
+            }
+        }
+        for (blue, red) in blues.iter_mut().zip(reds) {
+            let [b, r] = [*blue, *red].map(|chroma| (f32::from(chroma) - 128.0) / chroma_range);
+            let luma = blue_adds * b + red_adds * r;
+            let [b, r] = [
+                (from.blue_of_blue() * b - luma) / to.blue_of_blue(),
+                (from.red_of_red() * r - luma) / to.red_of_red(),
+            ];
+            (*blue, *red) = (byte(128.0 + b * (224.0 / 255.0)), byte(128.0 + r * (224.0 / 255.0)));
+        }
+        self.coding = Coding::default();
+    }
+}
+
+/// The shares of red and blue in luma, from which everything else follows (ITU-R BT.601 and BT.709).
+struct Terms {
+    red: f32,
+    blue: f32,
+}
+
+impl Terms {
+    fn of(matrix: Matrix) -> Self {
+        match matrix {
+            Matrix::Bt601 => Self { red: 0.299, blue: 0.114 },
+            Matrix::Bt709 => Self { red: 0.2126, blue: 0.0722 },
+        }
+    }
+
+    fn green(&self) -> f32 {
+        1.0 - self.red - self.blue
+    }
+
+    /// What blue chroma adds to blue.
+    fn blue_of_blue(&self) -> f32 {
+        2.0 * (1.0 - self.blue)
+    }
+
+    /// What red chroma adds to red.
+    fn red_of_red(&self) -> f32 {
+        2.0 * (1.0 - self.red)
+    }
+
+    fn green_of_blue(&self) -> f32 {
+        -self.blue * self.blue_of_blue() / self.green()
+    }
+
+    fn green_of_red(&self) -> f32 {
+        -self.red * self.red_of_red() / self.green()
     }
 }
 
