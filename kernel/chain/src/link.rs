@@ -16,7 +16,7 @@ use pdk_sdk::seed;
 use pdk_sdk::signals::{Numbers, Passed};
 use pdk_supervise::calls::Function;
 
-use crate::maps::Attended;
+use crate::attended::Attended;
 use crate::mask::{self, Mask};
 use crate::moment::Moment;
 use crate::part::Part;

@@ -1,11 +1,10 @@
 //! Saliency maps of the frames of a sequence: when one is made, and how long it is used.
 
-use pdk_model::attention::Attention;
 use pdk_model::component::ComponentSpec;
 use pdk_model::pace::Pace;
 use pdk_sdk::describe::{Description, Kind, Role};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
+use pdk_sdk::prelude::{Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
 
 use crate::moment::Moment;
 use pdk_components::held::Held;
@@ -18,6 +17,8 @@ pub struct Turns {
     pace: Pace,
     /// Which map is in use: the number of its frame where it stays until a change, else that divided by how long it stays.
     period: Option<u64>,
+    /// The number of the last frame that was asked about.
+    last: Option<u64>,
     /// The frame whose map is in use, where others are compared with it.
     seen: FrameBuf,
     size: (usize, usize),
@@ -38,28 +39,31 @@ pub struct Turn {
 impl Turns {
     /// For a sequence.
     pub fn new(pace: Pace) -> Self {
-        Self { pace, period: None, seen: FrameBuf::default(), size: (0, 0), motion: Motion::default() }
+        let (seen, motion) = (FrameBuf::default(), Motion::default());
+        Self { pace, period: None, last: None, seen, size: (0, 0), motion }
     }
 
     /// Goes on with another sequence.
     pub fn begin_again(&mut self) {
-        self.period = None;
+        (self.period, self.last) = (None, None);
     }
 
-    /// Which map a frame has.
+    /// Which map a frame has. A frame whose number is not larger than the last one's has a map of its own: it may be the same moment in another
+    /// state, or an earlier one.
     pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Turn {
         let Pace { every, change, follow } = self.pace;
         let size = (raw.width(), raw.height());
-        let same_size = self.size == size;
+        let goes_on = self.size == size && self.last.is_none_or(|last| moment.frame_index > last);
+        self.last = Some(moment.frame_index);
         let period = match (change, self.period) {
             _ if moment.alone => moment.frame_index,
             (None, _) => moment.frame_index / every,
-            (Some(change), Some(period)) if same_size && difference(self.seen.as_ref(), raw) <= change => {
+            (Some(change), Some(period)) if goes_on && difference(self.seen.as_ref(), raw) <= change => {
                 period
             }
             (Some(_), _) => moment.frame_index,
         };
-        let new = moment.alone || self.period != Some(period) || !same_size;
+        let new = moment.alone || self.period != Some(period) || !goes_on;
         if new {
             (self.period, self.size) = (Some(period), size);
             if change.is_some() {
@@ -107,7 +111,7 @@ impl Maps {
         Ok(Self::from_method(Held::new(Kind::Saliency, by.clone(), method), description, key))
     }
 
-    fn from_method(method: Held<dyn Saliency>, description: Description, key: Key) -> Self {
+    pub(crate) fn from_method(method: Held<dyn Saliency>, description: Description, key: Key) -> Self {
         Self { method, description, key, line: None, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
     }
 
@@ -202,88 +206,6 @@ impl Line {
             by.name,
             remedies.join(", or ")
         )
-    }
-}
-
-/// This many values in a row has a map that is kept for later frames.
-const COLUMNS: usize = 24;
-/// Seconds between two maps that are kept, and how long they are.
-const APART: f64 = 0.25;
-const KEPT: f64 = 120.0;
-
-/// The maps that a perturbation is given: that of the frame at hand, and those of the sequence so far.
-pub struct Attended {
-    turns: Turns,
-    maps: Maps,
-    times: Vec<f64>,
-    values: Vec<f32>,
-    size: [usize; 2],
-}
-
-impl Attended {
-    /// Makes the method.
-    ///
-    /// # Errors
-    /// If there is no such method, or it refuses its parameters.
-    pub fn new(registry: &Registry, attention: &Attention, key: Key) -> Result<Self> {
-        let (turns, maps) = (Turns::new(attention.pace()), Maps::new(registry, &attention.by, key)?);
-        Ok(Self { turns, maps, times: Vec::new(), values: Vec::new(), size: [0, 0] })
-    }
-
-    /// Goes on with another sequence, and draws from another key.
-    pub fn begin_again(&mut self, key: Key) {
-        self.turns.begin_again();
-        self.maps.set_key(key);
-        self.times.clear();
-        self.values.clear();
-    }
-
-    /// As [`Maps::noticed`].
-    pub fn noticed(&self) -> Option<String> {
-        self.maps.noticed()
-    }
-
-    /// The map of a frame, and those of the sequence so far with it.
-    ///
-    /// # Errors
-    /// If the method fails.
-    pub fn look(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<(&[f32], EarlierMaps<'_>)> {
-        let turn = self.turns.of(raw, moment);
-        let now = self.maps.of(raw, moment, turn)?;
-        let (width, height) = (raw.width(), raw.height());
-        let columns = COLUMNS.min(width);
-        let size = [columns, (height * columns / width).clamp(1, height)];
-        let last = self.times.last().copied();
-        // A frame that counts for itself, another sequence, or a camera of another size.
-        if moment.alone || size != self.size || last.is_some_and(|last| moment.time < last) {
-            self.times.clear();
-            self.values.clear();
-            self.size = size;
-        }
-        if self.times.last().is_none_or(|last| moment.time - last >= APART) {
-            let cells = size[0] * size[1];
-            let old = self.times.partition_point(|time| moment.time - time > KEPT);
-            self.times.drain(..old);
-            self.values.drain(..old * cells);
-            self.times.push(moment.time);
-            reduce(now, width, size, &mut self.values);
-        }
-        let earlier = EarlierMaps::new(&self.times, &self.values, size[0], size[1])?;
-        Ok((now, earlier))
-    }
-}
-
-/// Adds the means of a map over the cells of a coarse one.
-fn reduce(values: &[f32], width: usize, [columns, rows]: [usize; 2], into: &mut Vec<f32>) {
-    let height = values.len() / width;
-    let range = |cell: usize, cells: usize, length: usize| cell * length / cells..(cell + 1) * length / cells;
-    for row in 0..rows {
-        for column in 0..columns {
-            let (across, down) = (range(column, columns, width), range(row, rows, height));
-            let count = (across.len() * down.len()) as f64;
-            let lines = down.map(|y| &values[y * width..][across.clone()]);
-            into.push((lines.flatten().map(|&value| f64::from(value)).sum::<f64>() / count) as f32);
-        }
     }
 }
 
@@ -394,60 +316,13 @@ mod tests {
         assert_eq!(turns(pace(1, Some(10.0)), &[100, 111, 111], true)[2], (2, true));
     }
 
-    /// Sees brightness.
-    struct Bright;
-
-    impl Saliency for Bright {
-        fn map(&mut self, frame: Frame<'_>, _: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
-            for y in 0..frame.height() {
-                for (value, pixel) in out.row_mut(y).iter_mut().zip(frame.row(y).chunks_exact(3)) {
-                    *value = f32::from(pixel[0]) / 255.0;
-                }
-            }
-            Ok(())
-        }
-    }
-
     #[test]
-    fn the_maps_of_a_sequence_are_kept_and_those_of_single_frames_are_not() {
-        let attended = || Attended {
-            turns: Turns::new(pace(1, None)),
-            maps: Maps::from_method(
-                Held::new(
-                    Kind::Saliency,
-                    ComponentSpec::parse("saliency method", "bright").unwrap(),
-                    Box::new(Bright),
-                ),
-                Description::saliency("x", "x"),
-                Key([1; 32]),
-            ),
-            times: Vec::new(),
-            values: Vec::new(),
-            size: [0, 0],
-        };
-        let mut sequence = attended();
-        for index in 0..21 {
-            let moment = Moment::new(index, index as f64 / 20.0);
-            let (now, earlier) = sequence.look(shade(index as u8 * 10).as_ref(), &moment).unwrap();
-            assert_eq!((now.len(), now[0]), (400, index as f32 * 10.0 / 255.0));
-            assert_eq!(earlier.len(), index as usize / 5 + 1);
-            // The map in use half a second ago, as far as there was one.
-            let place = earlier.place_at(moment.time - 0.5).unwrap();
-            let expected = (index.saturating_sub(10) / 5 * 50) as f32 / 255.0;
-            let (width, height, values) = earlier.map(place);
-            assert_eq!((width, height), (20, 20));
-            assert!(values.iter().all(|value| (value - expected).abs() < 1e-6), "{index}");
+    fn a_frame_with_the_same_or_an_earlier_number_has_a_map_of_its_own() {
+        for pace in [pace(1, None), pace(3, None), pace(1, Some(10.0))] {
+            let mut turns = Turns::new(pace);
+            let mut is_new = |index| turns.of(shade(100).as_ref(), &Moment::new(index, 0.0)).new;
+            assert!(is_new(7) && is_new(7) && is_new(6) && is_new(6), "{pace:?}");
         }
-        let mut single = attended();
-        for index in 0..5 {
-            let moment = Moment::new(index, index as f64).alone();
-            let (_, earlier) = single.look(shade(index as u8).as_ref(), &moment).unwrap();
-            assert_eq!((earlier.len(), earlier.map(0).2[0]), (1, index as f32 / 255.0));
-        }
-        let wide: Vec<f32> = (0..96 * 2).map(|at| (at % 96) as f32).collect();
-        let mut coarse = Vec::new();
-        reduce(&wide, 96, [24, 1], &mut coarse);
-        assert_eq!(coarse[..2], [1.5, 5.5]);
     }
 
     #[test]

@@ -314,6 +314,19 @@ mod tests {
     }
 
     #[test]
+    fn the_same_frame_in_another_state_is_chosen_from_anew() {
+        let names = ["sky", "road"].map(str::to_owned);
+        let selection = selection(json!({"label": "road"}));
+        let mut selector = Selector::from_source(selection, Source::Labels, Key([5; 32]));
+        let frame = FrameBuf::new(2, 1);
+        for (pixels, chosen) in [([0, 1], [0, 255]), ([1, 0], [255, 0])] {
+            let labels = Labels { names: &names, pixels: &pixels };
+            let moment = Moment::new(7, 0.35).with_labels(Some(labels));
+            assert_eq!(selector.weights(frame.as_ref(), &moment).unwrap(), chosen);
+        }
+    }
+
+    #[test]
     fn labels_choose_what_is_named() {
         let names = ["sky", "road"].map(str::to_owned);
         let labels = Some(Labels { names: &names, pixels: &[0, 1, 1, 7] });
