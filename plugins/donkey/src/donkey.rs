@@ -6,6 +6,7 @@ use pdk_adapter::{Deadline, Station, Track, ends};
 use pdk_sdk::model::failure::FailureCriteria;
 use pdk_sdk::prelude::*;
 
+use crate::end::End;
 use crate::lap::Lap;
 use crate::menu;
 use crate::options::{Build, Options, describe};
@@ -48,6 +49,7 @@ struct Drive {
     /// The simulator's time at the start.
     time: Option<f64>,
     lap: Lap,
+    end: End,
     state: State,
     /// The encoded picture that belongs to the state.
     picture: Vec<u8>,
@@ -55,7 +57,7 @@ struct Drive {
 
 impl Component for Donkey {
     fn description() -> Description {
-        describe(Description::simulator("donkey", "The simulator of the Donkey car, over TCP"))
+        describe(Description::simulator("donkey", "The simulator of the Donkey car, over TCP").version(2))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -176,6 +178,7 @@ impl Link {
             began: Instant::now(),
             time: telemetry.time,
             lap: Lap::default(),
+            end: End::default(),
             state: State::default(),
             picture,
         };
@@ -368,12 +371,11 @@ impl Drive {
             (Some(now), Some(start)) => now - start,
             _ => self.began.elapsed().as_secs_f64(),
         };
-        let lane_departure = cross_track_error.abs() >= options.lane_departure;
         let lap = telemetry.nodes.map(|(node, nodes)| self.lap.go_on(node, nodes));
+        let arrived = place.is_some_and(|place| place.finished);
         let finished = match telemetry.done {
-            // It says so too where the lane was left.
-            Some(done) => done && !lane_departure,
-            None => place.is_some_and(|place| place.finished) || lap == Some(1.0),
+            Some(done) => self.end.is_reached(done, cross_track_error, arrived),
+            None => arrived || lap == Some(1.0),
         };
         let progress = match finished {
             true => 1.0,
@@ -387,7 +389,7 @@ impl Drive {
             speed: telemetry.speed,
             cross_track_error,
             progress,
-            lane_departure,
+            lane_departure: cross_track_error.abs() >= options.lane_departure,
             collision: telemetry.hit,
             finished,
             ..State::default()

@@ -7,6 +7,7 @@
 //! [`donkey`] drives it.
 
 mod donkey;
+mod end;
 mod lap;
 mod menu;
 mod message;

@@ -124,6 +124,26 @@ fn both_builds_are_driven_by_the_clock_too() {
     }
 }
 
+/// The build reports `done` beyond 2 m from the middle of the lane, as it does at the end of the road.
+#[test]
+fn a_car_that_leaves_its_lane_has_not_reached_the_end_of_the_road() {
+    let port = free_ports(1);
+    let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating"]);
+    let mut simulator = simulator(port);
+    simulator["lane_departure"] = json!(3);
+    // Full lock to the right, against which the driver steers in vain.
+    let offset = r#"perturbations = { { name = "steering_offset", offset = 1, side = "right" } }, road = {"#;
+    let settings = [("simulator", &*simulator.to_string()), ("duration", "10")];
+    let run = tried::run(&SOURCE.replace("road = {", offset), &settings);
+    run.says(0, &[]);
+    assert_eq!(run.causes(), ["lane_departure"; 2]);
+    assert!(
+        run.lines.iter().all(|line| line["max_cross_track_error"].as_f64().unwrap() >= 3.0),
+        "{:?}",
+        run.lines
+    );
+}
+
 #[test]
 fn a_simulator_with_german_numbers_is_read() {
     let port = free_ports(1);
