@@ -11,6 +11,8 @@ use crate::attack::artwork;
 /// Where pictures are laid on the road: nearer ones are below the frame of most cameras, further ones too small to be seen.
 const NEAREST: f64 = 0.5;
 const FURTHEST: f64 = 60.0;
+/// Pictures on the way do not lie closer together, in metres: each of them is drawn.
+const CLOSEST: f64 = 0.5;
 
 /// The grey of a plain patch: the middle of the values of a frame.
 const GREY: f32 = 128.0;
@@ -155,6 +157,12 @@ impl Component for AdversarialPatch {
     }
 
     fn new(config: &Config) -> Result<Self> {
+        let spacing = config.number("spacing");
+        if spacing > 0.0 && spacing < CLOSEST {
+            return Err(Error::new(format!(
+                "`spacing` is {spacing} m, but has to be 0 or at least {CLOSEST} m; every picture up to {FURTHEST} m is drawn"
+            )));
+        }
         let picture = artwork::read(config)?;
         let shown = decal::values(picture.as_ref());
         let (is_plain, values) = match config.text("show") {
@@ -397,6 +405,10 @@ mod tests {
         assert_eq!(seen(Some(100.0)), seen(Some(0.0)));
         // Where the way is not known, it follows from the speed.
         assert_eq!(seen(None), seen(Some(4.0)));
+        let file = picture();
+        let close = json!({"picture": file.path(), "spacing": 1e-300});
+        let error = Trial::<AdversarialPatch>::new(&close, 3.0, Key([1; 32])).err().unwrap().to_string();
+        assert!(error.contains("has to be 0 or at least 0.5 m"), "{error}");
         let always = json!({"distance": 20.0});
         assert_eq!(laid(always.clone(), 3.0, Some(5.0)), laid(always, 3.0, Some(0.0)));
     }

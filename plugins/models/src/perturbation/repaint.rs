@@ -108,7 +108,7 @@ pub fn laying(description: Description) -> Description {
             "fit",
             &["scale", "tile"],
             "scale: the frame is brought to the size of the network's image and the result back; tile: the network sees the frame \
-             piece by piece at its own resolution",
+             piece by piece at its own resolution, for frames that are not smaller than its image",
         ))
         .parameter(
             Parameter::number("overlap", 0.25, "the share of a tile by which it reaches into the next")
@@ -120,11 +120,17 @@ pub fn laying(description: Description) -> Description {
 impl Perturbation for Repaint {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let [width, height] = self.network.size;
-        match self.overlap.filter(|_| src.width() > width || src.height() > height) {
-            Some(overlap) if src.width() >= width && src.height() >= height => {
-                self.paint_tiles(src, overlap)?
+        match self.overlap.filter(|_| [src.width(), src.height()] != [width, height]) {
+            Some(_) if src.width() < width || src.height() < height => {
+                return Err(Error::new(format!(
+                    "the network's image is {width} x {height} pixels, and no tile of that size fits into a frame of {} x {}; leave \
+                     `fit=tile` out, or give it larger frames",
+                    src.width(),
+                    src.height()
+                )));
             }
-            _ => self.paint_whole(src)?,
+            Some(overlap) => self.paint_tiles(src, overlap)?,
+            None => self.paint_whole(src)?,
         }
         let strength = cx.number("strength");
         for y in 0..src.height() {
@@ -331,8 +337,11 @@ mod tests {
         assert_eq!(starts(16, 16, 4), [0]);
         assert_eq!(starts(17, 16, 0), [0, 1]);
         assert_eq!([0, 1, 3, 8, 15].map(|at| ramp(at, 16, 3)), [0.25, 0.5, 1.0, 1.0, 0.25]);
-        // A frame that is smaller than a tile is brought to its size.
-        assert_eq!(painted(&swap(1.0, 0.0), json!({"fit": "tile"}), 4.0, &all_colors([10, 12])).width(), 10);
+        for small in [[10, 12], [50, 11]] {
+            let tiled = open(&swap(1.0, 0.0), json!({"fit": "tile"}), 4.0).unwrap();
+            let error = { tiled }.frame(&all_colors(small), 0, 0.0).err().unwrap().to_string();
+            assert!(error.contains("no tile of that size fits"), "{error}");
+        }
     }
 
     #[test]

@@ -35,7 +35,7 @@ impl Component for SquareAttack {
         .drawn_per_frame("the stripes, and the places and signs of the squares");
         let description = ball::epsilon(description, "no value changes by more than this, rounded down")
             .parameter(
-                Parameter::integer("queries", 100, "how often the network is asked for a frame")
+                Parameter::integer("queries", 100, "how often the network is asked about a changed frame, besides once for the frame as it is")
                     .range(1.0, 100_000.0),
             )
             .parameter(

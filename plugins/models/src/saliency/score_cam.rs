@@ -24,7 +24,7 @@ impl Method for Score {
             .gradient_free()
             .version(2)
             .source("Wang et al., \"Score-CAM: Score-Weighted Visual Explanations for Convolutional Neural Networks\" (2020)")
-            .mathematics("`map = Σ_c (f(x ∘ A_c) - f(∅)) A_c`, with `A_c` from 0 to 1 and `∅` the frame without content")
+            .mathematics("`map = Σ_c (f(x ∘ N_c) - f(∅)) A_c`, with `N_c` the channel `A_c` from 0 to 1 and `∅` the frame without content")
             .divergence("The weights are differences of the output, not their softmax, which would make the small differences of a steering angle all alike.");
         layer_parameters(parameters(description)).parameter(sign_parameter()).parameter(fill_parameter())
     }
