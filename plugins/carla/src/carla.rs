@@ -24,8 +24,8 @@ pub struct Carla {
 
 impl Component for Carla {
     fn description() -> Description {
-        let description =
-            Description::simulator("carla", "CARLA 0.9.13 to 0.9.16, stepped frame by frame").external();
+        let description = Description::simulator("carla", "CARLA 0.9.13 to 0.9.16, stepped frame by frame");
+        let description = description.version(2).external();
         Settings::describe(Options::describe(description), PORT, PORT_STEP)
     }
 

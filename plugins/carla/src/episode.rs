@@ -10,7 +10,7 @@ use crate::axes::{self, Transform};
 use crate::blueprint::{Actor, ROLE};
 use crate::ground::{Ground, Lane};
 use crate::options::Options;
-use crate::server::{EpisodeSettings, Server};
+use crate::server::{EpisodeSettings, GENERATED, Server};
 use crate::snapshot;
 use crate::stage::Stage;
 use crate::stream::Stream;
@@ -39,6 +39,8 @@ pub struct Episode {
     server: Option<Server>,
     world: Option<Stream>,
     loaded: Option<Loaded>,
+    /// The map that was found, for roads that name none.
+    home: String,
     /// How many worlds it has loaded.
     worlds: u64,
     stage: Option<Stage>,
@@ -59,7 +61,16 @@ impl Episode {
         }
         let weather = server.weather()?;
         server.keep(found, weather)?;
-        Ok(Self { server: Some(server), station, world: Some(world), loaded: None, worlds: 0, stage: None })
+        let (home, _) = server.map()?;
+        Ok(Self {
+            server: Some(server),
+            station,
+            world: Some(world),
+            loaded: None,
+            home,
+            worlds: 0,
+            stage: None,
+        })
     }
 
     fn greet(station: &mut Station, deadline: &Deadline) -> Result<(Server, Stream)> {
@@ -166,17 +177,17 @@ impl Episode {
 
     /// Loads the map of a scenario, if it is not loaded already.
     fn load(&mut self, ground: &Ground, deadline: &Deadline) -> Result<()> {
-        let Self { station, server, world, loaded, worlds, .. } = self;
+        let Self { station, server, world, loaded, home, worlds, .. } = self;
         let Some(server) = server else { return Err(not_started()) };
-        match (ground, &*loaded) {
-            (Ground::Own(waypoints), Some(Loaded::Own(there))) if waypoints == there => return Ok(()),
-            (Ground::Map { name: None, .. }, Some(Loaded::Map { .. })) => return Ok(()),
-            (Ground::Map { name: Some(name), .. }, Some(Loaded::Map { name: there, .. }))
-                if name == there =>
-            {
-                return Ok(());
+        let is_there = match (ground, &*loaded) {
+            (Ground::Own(waypoints), Some(Loaded::Own(there))) => waypoints == there,
+            (Ground::Map { name, .. }, Some(Loaded::Map { name: there, .. })) => {
+                name.as_ref().unwrap_or(&*home) == there
             }
-            _ => {}
+            _ => false,
+        };
+        if is_there {
+            return Ok(());
         }
         *loaded = None;
         let (before, _) = server.episode()?;
@@ -185,34 +196,42 @@ impl Episode {
                 server.load_document(&opendrive::write(waypoints, "pdk"))?;
                 true
             }
-            Ground::Map { name: None, .. } => false,
-            Ground::Map { name: Some(name), .. } => {
-                let changes = server.map()?.0 != *name;
+            Ground::Map { name, .. } => {
+                let map = name.as_ref().unwrap_or(&*home);
+                // Of the same name is also the map of every road that was loaded since.
+                let changes = server.map()?.0 != *map || (map == GENERATED && *worlds > 0);
                 if changes {
                     let maps = server.maps()?;
-                    if !maps.contains(name) {
-                        return Err(Error::new(format!(
-                            "{station} has no map `{name}`; it has {}",
-                            maps.join(", ")
-                        )));
+                    if !maps.contains(map) {
+                        let maps = maps.join(", ");
+                        return Err(Error::new(match name {
+                            Some(name) => format!("{station} has no map `{name}`; it has {maps}"),
+                            None => format!(
+                                "the road has no `map`, and the map that {station} had before is no longer there: it was generated from a \
+                                 road; give the road a `map`, one of {maps}"
+                            ),
+                        }));
                     }
-                    server.load(name)?;
+                    server.load(map)?;
                 }
                 changes
             }
         };
         if changes {
             *worlds += 1;
-            // While it loads, it may refuse to answer.
+            // While it loads, it may refuse to answer, or answer only afterwards.
             station.wait(deadline, "loaded the map", || match server.episode() {
                 Ok((number, _)) if number != before => Ok(Some(())),
-                Err(error) if error.kind() != ErrorKind::Failed => Err(error),
+                Err(error) if !matches!(error.kind(), ErrorKind::Failed | ErrorKind::Late) => Err(error),
                 _ => {
                     std::thread::sleep(TICK);
                     Ok(None)
                 }
             })?;
             server.forget()?;
+            // A map comes with a weather of its own.
+            let weather = server.kept_weather().to_vec();
+            server.set_weather(&weather)?;
             *world = Some(subscribe(station, server, deadline)?);
         }
         *loaded = Some(match ground {

@@ -16,7 +16,7 @@ pub enum Ground {
     Own(Vec<[f64; 3]>),
     /// A lane of a map.
     Map {
-        /// The map; if none is named, the one that is loaded.
+        /// The map; if none is named, the one that was found on the server.
         name: Option<String>,
         /// The number of the map's recommended place to start from, from 0.
         start: usize,

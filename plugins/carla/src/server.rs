@@ -16,6 +16,8 @@ use crate::stream::Token;
 use crate::value::{array, bytes, element, elements, float, id, number, text, vector};
 use crate::will::Will;
 
+/// The name of a map that the server generates from a road. It has only the latest one.
+pub const GENERATED: &str = "OpenDriveMap";
 /// All layers of a map.
 const ALL_LAYERS: u32 = 65_535;
 /// How CARLA makes the ground of an OpenDRIVE map: a point every metre, pieces of 50 m, no walls at the edges of the road, which would
@@ -287,7 +289,7 @@ impl Server {
         let mut parameters: Vec<Value> = GROUND.map(Value::F64).to_vec();
         parameters.extend([true.into(), true.into(), true.into()]);
         self.call("copy_opendrive_to_file", vec![document.into(), array(parameters)])?;
-        self.load("OpenDriveMap")
+        self.load(GENERATED)
     }
 
     /// Everything that can be spawned.

@@ -7,7 +7,7 @@ mod world;
 
 use std::io::{BufReader, Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rmpv::Value;
 
@@ -63,6 +63,17 @@ impl CarlaServer {
         self.server.world().weather[0].as_f64().unwrap()
     }
 
+    /// The cloudiness at the latest frame that it was asked for.
+    pub fn seen_cloudiness(&self) -> f64 {
+        self.server.world().seen_weather[0].as_f64().unwrap()
+    }
+
+    /// The map that is loaded; none if it was generated from a road.
+    pub fn town(&self) -> Option<String> {
+        let world = self.server.world();
+        world.document.is_none().then(|| world.town.clone())
+    }
+
     /// How long it took itself for the latest frame that it was asked for.
     pub fn own_time(&self) -> Duration {
         self.server.world().own
@@ -115,11 +126,14 @@ fn answer_all(mut stream: TcpStream, server: &Shared<World>) {
         let (number, name) = (at(&request, 1).clone(), at(&request, 2).as_str().unwrap().to_owned());
         let mut arguments = at(&request, 3).as_array().unwrap().clone();
         let waits = at(&arguments.remove(0), 0).as_bool() == Some(false);
-        let (result, fault) = {
+        let (result, fault, loads) = {
             let mut world = server.world();
             world.calls.push(name.clone());
-            (world.answer(&name, &arguments), world.fault(&name))
+            let loads = world.loaded.saturating_duration_since(Instant::now());
+            (world.answer(&name, &arguments), world.fault(&name), loads)
         };
+        // The answer that it begins to load does not wait.
+        std::thread::sleep(loads);
         let message = match (&result, waits) {
             (Some(result), true) => array([1.into(), number, Value::Nil, result.clone()]),
             (Some(_), false) => array([

@@ -51,11 +51,13 @@ pub struct Setup {
     pub port: u16,
     /// Whether a camera's first frames are dark, for this many frames.
     pub adapts: u64,
+    /// How long it answers nothing after it was asked to load a map.
+    pub loads: Duration,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { version: "0.9.16", fault: None, seed: 0, port: 0, adapts: 0 }
+        Self { version: "0.9.16", fault: None, seed: 0, port: 0, adapts: 0, loads: Duration::ZERO }
     }
 }
 
@@ -90,6 +92,10 @@ pub(super) struct World {
     pub(super) episode: u64,
     pub(super) settings: Vec<Value>,
     pub(super) weather: Vec<Value>,
+    /// The weather at the latest frame that it was asked for.
+    pub(super) seen_weather: Vec<Value>,
+    /// The end of loading a map.
+    pub(super) loaded: Instant,
     actors: BTreeMap<u32, Actor>,
     pub(super) next: u32,
     pub(super) document: Option<String>,
@@ -161,6 +167,8 @@ impl World {
             episode: 1,
             settings,
             weather: vec![Value::F32(15.0); dusty],
+            seen_weather: Vec::new(),
+            loaded: Instant::now(),
             actors: BTreeMap::new(),
             next: 24,
             document: None,
@@ -265,6 +273,7 @@ impl World {
             }
             "tick_cue" => {
                 let began = Instant::now();
+                self.seen_weather.clone_from(&self.weather);
                 self.ticks += 1;
                 self.step();
                 self.own = began.elapsed();
@@ -301,6 +310,9 @@ impl World {
                     (self.document, self.town) = (None, map.to_owned());
                 }
                 self.episode += 1;
+                self.loaded = Instant::now() + self.setup.loads;
+                // A map has a weather of its own.
+                self.weather.fill(Value::F32(60.0));
                 self.settings[0] = false.into();
                 self.populate();
                 done()
