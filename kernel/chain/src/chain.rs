@@ -66,6 +66,13 @@ impl Chain {
         }
     }
 
+    /// Sets other levels in the middle of a sequence; what the chain remembers of it stays. `perturbations` are as for [`Chain::begin_again`].
+    pub fn set_levels(&mut self, perturbations: &[AppliedPerturbation]) {
+        for (link, applied) in self.links.iter_mut().zip(perturbations) {
+            link.set_level(applied);
+        }
+    }
+
     /// How many frames before a frame have to go through the chain first, so that it becomes what it becomes in its sequence.
     pub fn history(&self) -> usize {
         self.links.iter().map(Link::history).sum()

@@ -127,10 +127,7 @@ impl Link {
 
     /// Makes it the same perturbation at another level, with another seed, at the beginning of a sequence.
     pub fn begin_again(&mut self, applied: &AppliedPerturbation, seed: u64) {
-        if self.level != applied.level {
-            self.level = applied.level.clone();
-            self.held.rename(label(applied));
-        }
+        self.set_level(applied);
         self.history.forget();
         self.signals.forget();
         self.dice.begin_again(seed);
@@ -139,6 +136,14 @@ impl Link {
         }
         if let Some(attended) = &mut self.attended {
             attended.begin_again(self.dice.key_for("attention", seed));
+        }
+    }
+
+    /// Sets another level.
+    pub fn set_level(&mut self, applied: &AppliedPerturbation) {
+        if self.level != applied.level {
+            self.level = applied.level.clone();
+            self.held.rename(label(applied));
         }
     }
 

@@ -38,13 +38,15 @@ class Perturbation:
         frame: int | None = None,
         time: float | None = None,
         speed: float | None = None,
+        level: float | Mapping[str, Any] | None = None,
         labels: tuple[list[str], NDArray[numpy.uint8]] | None = None,
         distances: NDArray[Any] | None = None,
         out: Image | None = None,
     ) -> Image:
         """Perturbs the next frame, or the one of number `frame` at `time` seconds.
 
-        `speed` is the vehicle's in metres a second, for networks that want it. `labels` and `distances` are what `where` goes by:
+        `level` is the intensity of all perturbations at this frame, in place of their own. `speed` is the vehicle's in metres a second, for
+        networks that want it. `labels` and `distances` are what `where` goes by:
         names and the place of one for each pixel, and distances in metres. Writes to `out` where it is given.
         """
 
@@ -66,6 +68,10 @@ class Perturbation:
     @property
     def fps(self) -> float:
         """Frames a second."""
+
+    @property
+    def history(self) -> int:
+        """How many frames before a frame decide what becomes of it: 0 for most perturbations."""
 
 def move_points(
     points: Any,

@@ -1,4 +1,4 @@
-//! The components of the process, and chains that are kept from one call to the next.
+//! The components of the process, and chains of them.
 
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -16,9 +16,7 @@ use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 
 use crate::failure::detached;
-
-/// Chains that are kept. Each may hold textures and clips at the size of the last image.
-const MOST_KEPT: usize = 64;
+use crate::kept;
 
 /// What all calls share.
 struct State {
@@ -26,12 +24,9 @@ struct State {
     drop_ins: Vec<PathBuf>,
     /// Found when it is first needed.
     registry: Option<Arc<Registry>>,
-    /// Chains by what they are without their levels, the one that was used last at the end.
-    kept: Vec<(String, Chain)>,
 }
 
-static STATE: Mutex<State> =
-    Mutex::new(State { plugins: Vec::new(), drop_ins: Vec::new(), registry: None, kept: Vec::new() });
+static STATE: Mutex<State> = Mutex::new(State { plugins: Vec::new(), drop_ins: Vec::new(), registry: None });
 
 /// Needs the interpreter, see the crate's documentation.
 fn state(_: Python<'_>) -> MutexGuard<'static, State> {
@@ -52,14 +47,12 @@ pub fn install(executable: PathBuf) {
 #[pyo3(signature = (plugins=Vec::new(), drop_ins=Vec::new()))]
 pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, drop_ins: Vec<PathBuf>) -> PyResult<()> {
     let registry = discover(py, &plugins, &drop_ins)?;
-    let dropped = {
+    {
         let mut state = state(py);
         (state.plugins, state.drop_ins) = (plugins, drop_ins);
         state.registry = Some(registry);
-        std::mem::take(&mut state.kept)
-    };
-    // What a component does at its end takes its time.
-    py.detach(|| drop(dropped));
+    }
+    kept::forget(py);
     Ok(())
 }
 
@@ -102,49 +95,18 @@ fn discover(py: Python<'_>, plugins: &[PathBuf], drop_ins: &[PathBuf]) -> PyResu
     Ok(Arc::new(registry))
 }
 
-/// What tells chains apart that cannot be made from each other.
-fn key(perturbations: &[AppliedPerturbation]) -> String {
-    // All but the level, at which a chain can begin again.
-    let without_levels: Vec<_> = perturbations.iter().map(|applied| applied.clone().at_level(0.0)).collect();
-    format!("{without_levels:?}")
-}
-
-/// A chain for some calls: one that is kept, or a new one.
-pub fn take(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) -> PyResult<Chain> {
-    let key = key(perturbations);
-    let kept = {
-        let kept = &mut state(py).kept;
-        kept.iter().rposition(|(known, _)| *known == key).map(|place| kept.remove(place).1)
-    };
-    match kept {
-        Some(mut chain) => {
-            // Of the same scale, but maybe at a level that it does not reach.
-            if perturbations.iter().any(|applied| applied.level_scale.is_some()) {
-                let registry = registry(py)?;
-                let mut checked = perturbations.iter().map(|applied| registry.catalog().level_scale(applied));
-                detached(py, || checked.try_for_each(|checked| checked.map(drop)))?;
-            }
-            chain.begin_again(perturbations, seed);
-            Ok(chain)
-        }
-        None => make(py, perturbations, seed),
+/// Checks that perturbations reach their levels, if those are on other scales than the published one.
+pub fn check_levels(py: Python<'_>, perturbations: &[AppliedPerturbation]) -> PyResult<()> {
+    if perturbations.iter().all(|applied| applied.level_scale.is_none()) {
+        return Ok(());
     }
+    let registry = registry(py)?;
+    let mut checked = perturbations.iter().map(|applied| registry.catalog().level_scale(applied));
+    detached(py, || checked.try_for_each(|checked| checked.map(drop)))
 }
 
 /// A new chain.
 pub fn make(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) -> PyResult<Chain> {
     let registry = registry(py)?;
     detached(py, || Chain::new(&registry, perturbations, seed))
-}
-
-/// Keeps a chain for later. One that has failed is not to be kept: its instances may be of no more use.
-pub fn keep(py: Python<'_>, perturbations: &[AppliedPerturbation], chain: Chain) {
-    let dropped = {
-        let kept = &mut state(py).kept;
-        kept.push((key(perturbations), chain));
-        (kept.len() > MOST_KEPT).then(|| kept.remove(0))
-    };
-    if dropped.is_some() {
-        py.detach(|| drop(dropped));
-    }
 }

@@ -1,7 +1,9 @@
 //! Images that count for themselves, alone or in batches.
 
 use numpy::ndarray::Ix4;
-use numpy::{Ix3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{
+    Ix3, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArray3, PyUntypedArrayMethods,
+};
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
@@ -12,8 +14,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{self, Known};
-use crate::components;
 use crate::failure::{caught, detached, mistake};
+use crate::kept::{self, Kept};
 use crate::values;
 
 /// The furthest time in seconds: over 30 years, and still exact to less than a frame.
@@ -56,35 +58,56 @@ pub fn perturb<'py>(
     let src = arrays::frame(py, &array)?;
     let known = Known::new(py, labels, distances, [src.height(), src.width()])?;
     let moment = known.at(moment);
-    let mut chain = components::take(py, &perturbations, seed)?;
-    let result = apply(py, &mut chain, src, &moment, out)?;
-    components::keep(py, &perturbations, chain);
+    let target = Target::new(py, src, out)?;
+    let mut taken = kept::take(py, &perturbations, seed)?;
+    let result = target.apply(py, &mut taken.chain, src, &moment)?;
+    kept::keep(py, taken);
     Ok(result)
 }
 
-/// Perturbs a frame into a new array, or into `out`.
-pub fn apply<'py>(
-    py: Python<'py>,
-    chain: &mut Chain,
-    src: Frame<'_>,
-    moment: &Moment<'_>,
-    out: Option<Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let (width, height) = (src.width(), src.height());
-    match out {
-        None => {
-            let made = arrays::made(py, [height, width, 3]);
-            // SAFETY: it was made here, and nothing else refers to it yet.
-            let dst = arrays::frame_mut(py, unsafe { arrays::bytes(&made) }, width, height)?;
-            detached(py, || chain.apply(src, dst, moment))?;
-            Ok(made.into_any())
+/// Where a perturbed frame goes.
+pub enum Target<'py> {
+    /// Into a new array.
+    Made(Bound<'py, PyArray3<u8>>),
+    /// Into one that the caller gave.
+    Given(Bound<'py, PyAny>, PyReadwriteArray3<'py, u8>),
+}
+
+impl<'py> Target<'py> {
+    /// A new array for what becomes of a frame, or `out` if it fits.
+    pub fn new(py: Python<'py>, src: Frame<'_>, out: Option<Bound<'py, PyAny>>) -> PyResult<Self> {
+        let shape = [src.height(), src.width(), 3];
+        match out {
+            None => Ok(Self::Made(arrays::made(py, shape))),
+            Some(out) => {
+                let array = arrays::target::<Ix3>(&out, &shape)?;
+                Ok(Self::Given(out, array))
+            }
         }
-        Some(out) => {
-            let mut target = arrays::target::<Ix3>(&out, &[height, width, 3])?;
-            let bytes = target.as_slice_mut().map_err(|error| mistake(py, error.to_string()))?;
-            let dst = arrays::frame_mut(py, bytes, width, height)?;
-            detached(py, || chain.apply(src, dst, moment))?;
-            Ok(out)
+    }
+
+    /// Perturbs the frame. An error is one of the chain.
+    pub fn apply(
+        self,
+        py: Python<'py>,
+        chain: &mut Chain,
+        src: Frame<'_>,
+        moment: &Moment<'_>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (width, height) = (src.width(), src.height());
+        match self {
+            Self::Made(made) => {
+                // SAFETY: it was made here, and nothing else refers to it yet.
+                let dst = arrays::frame_mut(py, unsafe { arrays::bytes(&made) }, width, height)?;
+                detached(py, || chain.apply(src, dst, moment))?;
+                Ok(made.into_any())
+            }
+            Self::Given(out, mut array) => {
+                let bytes = array.as_slice_mut().map_err(|error| mistake(py, error.to_string()))?;
+                let dst = arrays::frame_mut(py, bytes, width, height)?;
+                detached(py, || chain.apply(src, dst, moment))?;
+                Ok(out)
+            }
         }
     }
 }
@@ -119,14 +142,21 @@ fn batch<'py>(
     let read = packed.try_readonly().map_err(|error| mistake(py, error.to_string()))?;
     let src = read.as_slice().map_err(|error| mistake(py, error.to_string()))?;
     let threads = threads.clamp(1, count.max(1));
-    let mut chains =
-        (0..threads).map(|_| components::take(py, perturbations, 0)).collect::<PyResult<Vec<Chain>>>()?;
+    let mut taken =
+        (0..threads).map(|_| kept::take(py, perturbations, 0)).collect::<PyResult<Vec<Kept>>>()?;
     let each = count.div_ceil(threads).max(1);
     let mut work = |dst: &mut [u8]| {
         let sources = seeds.chunks(each).zip(src.chunks(size * each)).zip(dst.chunks_mut(size * each));
-        let parts = chains.iter_mut().zip(sources);
+        let parts = taken.iter_mut().zip(sources);
         let mut parts: Vec<Part<'_>> = parts
-            .map(|(chain, ((seeds, src), dst))| Part { chain, seeds, src, dst, width, height })
+            .map(|(taken, ((seeds, src), dst))| Part {
+                chain: &mut taken.chain,
+                seeds,
+                src,
+                dst,
+                width,
+                height,
+            })
             .collect();
         detached(py, || {
             std::thread::scope(|scope| {
@@ -151,8 +181,8 @@ fn batch<'py>(
             out
         }
     };
-    for chain in chains {
-        components::keep(py, perturbations, chain);
+    for chain in taken {
+        kept::keep(py, chain);
     }
     Ok(result)
 }

@@ -7,10 +7,9 @@ use pdk_sdk::error::Result;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::components;
 use crate::failure::{detached, mistake};
 use crate::images::{check_seed, check_time};
-use crate::values;
+use crate::{kept, values};
 
 /// Which image labels belong to, as for `perturb`.
 struct Asked<'a, 'py> {
@@ -37,13 +36,13 @@ impl Asked<'_, '_> {
         check_time(py, self.time)?;
         check_seed(py, self.seed)?;
         let perturbations = values::chain(self.perturbation, self.parameters)?;
-        let mut chain = components::take(py, &perturbations, self.seed)?;
+        let mut taken = kept::take(py, &perturbations, self.seed)?;
         let moment = Moment::new(self.frame, self.time).alone();
         let result = detached(py, || {
-            chain.moves()?;
-            work(&mut Labels::new(&mut chain, [width, height], &moment))
+            taken.chain.moves()?;
+            work(&mut Labels::new(&mut taken.chain, [width, height], &moment))
         })?;
-        components::keep(py, &perturbations, chain);
+        kept::keep(py, taken);
         Ok(result)
     }
 }

@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`values`] | perturbations as Python writes them: texts, dictionaries, lists, keyword arguments |
 //! | [`arrays`] | images as arrays of numpy, in place where their layout allows it |
-//! | [`components`] | the components of the process, and chains that are kept from one call to the next |
+//! | [`components`] | the components of the process, and chains of them |
+//! | [`kept`] | chains that are kept from one call to the next |
 //! | [`images`] | images that count for themselves, alone or in batches |
 //! | [`labels`] | where points, boxes and the pixels of masks go |
 //! | [`sequence`] | the frames of a sequence, one after the other |
@@ -21,6 +22,7 @@ mod arrays;
 mod components;
 mod failure;
 mod images;
+mod kept;
 mod labels;
 mod records;
 mod sequence;

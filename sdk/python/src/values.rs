@@ -43,6 +43,18 @@ pub fn chain(
     Ok(vec![applied])
 }
 
+/// The same perturbations at a level.
+pub fn at_level(
+    chain: &[AppliedPerturbation],
+    level: &Bound<'_, PyAny>,
+) -> PyResult<Vec<AppliedPerturbation>> {
+    let given = Map::from_iter([("level".to_owned(), json(level)?)]);
+    let mut chain = chain.to_vec();
+    let set = |applied| merge(applied, given.clone());
+    chain.iter_mut().try_for_each(set).map_err(|error| raise(level.py(), &error))?;
+    Ok(chain)
+}
+
 /// Perturbations as they are written on the command line, one text for each.
 #[pyfunction]
 #[pyo3(signature = (perturbation, **parameters))]
