@@ -8,6 +8,8 @@ use crate::{Point, distance};
 
 /// The points of a lane's centre line are this far apart, in metres.
 const STEP: f64 = 1.0;
+/// A lane that was wider is followed until it is narrower than this, in metres: it tapers off, and no vehicle fits in.
+const NARROWEST: f64 = 2.0;
 /// How near a lane has to be to where one is looked for, in metres.
 const NEAREST: f64 = 6.0;
 
@@ -143,7 +145,8 @@ impl Road {
 
 impl Map {
     /// The lane that lies nearest to a point and is driven in about the direction of `heading` (radians, clockwise from +z), followed
-    /// from there for at most `length` metres. At a junction it goes on as straight as possible.
+    /// from there for at most `length` metres. At a junction it goes on as straight as possible. It ends before it is narrower than 2 m,
+    /// unless it begins so.
     ///
     /// # Errors
     /// If there is no such lane, or it ends after less than 10 m.
@@ -159,6 +162,9 @@ impl Map {
             else {
                 break;
             };
+            if width < NARROWEST && lane.width >= NARROWEST && before.is_some() {
+                break;
+            }
             let step = before.map_or(f64::INFINITY, |before| distance(before, point));
             // If one road ends and the next begins the same point comes twice.
             if step > STEP / 4.0 {

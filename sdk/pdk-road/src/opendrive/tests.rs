@@ -103,6 +103,31 @@ fn a_lane_goes_on_straight_through_a_junction_and_along_a_road_that_was_drawn_th
 }
 
 #[test]
+fn a_lane_is_followed_until_it_tapers_off() {
+    // 100 m, of which the lane has the same width for 50 m.
+    let map = |width: f64, slope: f64| {
+        let widths = format!(
+            r#"<width sOffset="0" a="{width}" b="0" c="0" d="0"/><width sOffset="50" a="{width}" b="{slope}" c="0" d="0"/>"#
+        );
+        let text = format!(
+            r#"<OpenDRIVE><road length="100" id="1" junction="-1">
+            <planView><geometry s="0" x="0" y="0" hdg="0" length="100"><line/></geometry></planView>
+            <lanes><laneSection s="0"><right><lane id="-1" type="driving">{widths}</lane></right></laneSection></lanes>
+            </road></OpenDRIVE>"#
+        );
+        Map::read(&text).unwrap()
+    };
+    let lane = map(3.5, -0.11).follow([1.0, 5.0], 0.0, 1000.0).unwrap();
+    let end = |lane: &Lane| lane.points[lane.points.len() - 1][2];
+    assert!((end(&lane) - 63.0).abs() < 1e-6 && (lane.width - 2.07).abs() < 1e-6, "{lane:?}");
+    let error = map(3.5, -0.11).follow([1.0, 60.0], 0.0, 1000.0).unwrap_err();
+    assert!(error.contains("ends after 3.0 m"), "{error}");
+    // One that is narrow where it begins is meant to be so.
+    let lane = map(1.8, -0.01).follow([1.0, 5.0], 0.0, 1000.0).unwrap();
+    assert!((end(&lane) - 100.0).abs() < 1e-6 && (lane.width - 1.3).abs() < 1e-6, "{lane:?}");
+}
+
+#[test]
 fn a_road_that_cannot_be_followed_is_reported() {
     let map = Map::read(JUNCTION).unwrap();
     let error = map.follow([1.0, 5.0], 3.0, 100.0).unwrap_err();
