@@ -5,7 +5,7 @@ use pdk_sdk::prelude::{Error, Result};
 use pdk_sdk::serde_json::{Map, Value};
 
 /// Shortest and longest road in metres.
-const LENGTHS: (f64, f64) = (10.0, 5_000.0);
+const LENGTHS: (f64, f64) = (10.0, pdk_adapter::track::LONGEST);
 /// How far a lane of a map is followed by default, in metres.
 const FOLLOWED: f64 = 200.0;
 

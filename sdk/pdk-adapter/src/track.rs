@@ -3,6 +3,10 @@
 use pdk_road::{Located, Path, Point};
 use pdk_sdk::prelude::{Error, Result};
 
+/// The longest road in metres: what is kept of it takes memory in proportion.
+pub const LONGEST: f64 = 5_000.0;
+/// A lane of a map that is followed for so long ends up to this many metres farther.
+const ROUNDING: f64 = 10.0;
 /// The path is divided into pieces of this length in metres.
 const STEP: f64 = 0.25;
 /// How far from its last place along the road the vehicle is looked for, in metres, if it did not move farther: so a road that comes
@@ -44,7 +48,7 @@ impl Track {
     /// A road through these waypoints, `[x, height, z]` in metres, x to the right where z is ahead. The vehicle is at its start.
     ///
     /// # Errors
-    /// If there are fewer than two waypoints, or two that follow each other are at the same place.
+    /// If there are fewer than two waypoints, two that follow each other are at the same place, or the road is longer than [`LONGEST`].
     pub fn new(waypoints: Vec<[f64; 3]>) -> Result<Self> {
         let points: Vec<Point> = waypoints.iter().map(|&[x, _, z]| [x, z]).collect();
         if points.len() < 2 {
@@ -54,6 +58,12 @@ impl Track {
             return Err(Error::new(format!(
                 "waypoints {i} and {} of the road are at the same place: remove one of them",
                 i + 1
+            )));
+        }
+        let length: f64 = points.windows(2).map(|pair| pdk_road::distance(pair[0], pair[1])).sum();
+        if length > LONGEST + ROUNDING {
+            return Err(Error::new(format!(
+                "the road is {length:.0} m long; divide it into roads of at most {LONGEST} m"
             )));
         }
         let path = Path::through(&points, STEP);
@@ -161,5 +171,11 @@ mod tests {
         assert!(Track::new(vec![[0.0; 3]]).unwrap_err().message().contains("1 waypoints"));
         let twice = vec![[0.0; 3], [0.0, 0.0, 5.0], [0.0, 0.0, 5.0]];
         assert!(Track::new(twice).unwrap_err().message().starts_with("waypoints 1 and 2"));
+        // Measured before it is divided, for which there would not be memory enough.
+        for length in [5_100.0, 1e15, 1e300] {
+            let error = Track::new(vec![[0.0; 3], [0.0, 0.0, length]]).unwrap_err();
+            assert!(error.message().ends_with("m long; divide it into roads of at most 5000 m"), "{error}");
+        }
+        assert!(Track::new(vec![[0.0; 3], [0.0, 0.0, LONGEST]]).is_ok());
     }
 }
