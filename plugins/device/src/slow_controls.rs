@@ -8,6 +8,7 @@ pub struct SlowControls;
 impl Component for SlowControls {
     fn description() -> Description {
         crate::fault("slow_controls", "Limits how fast the steering and the pedals move", ActsOn::Control)
+            .version(2)
             .history(1)
             .mathematics("applied(t) = clip(control(t), applied(t - dt) - rate dt, applied(t - dt) + rate dt)")
             .source("Rate limit of an actuator, as in Rajamani, Vehicle dynamics and control (2012)")
@@ -34,14 +35,23 @@ impl Component for SlowControls {
 
 impl Perturbation for SlowControls {
     fn actuate(&mut self, control: Control, cx: &Context<'_>) -> Result<Control> {
-        // At the beginning the wheels are straight, and a frame has passed.
+        let towards = |from: f64, to: f64, way: f64| to.min(from + way).max(from - way);
         let before = cx.signals.back(1);
-        let passed = before.map_or(cx.period.unwrap_or_default(), |before| cx.time - before.time);
-        let from = before.map_or_else(Control::default, |before| Control::from_numbers(before.passed));
-        let towards = |from: f64, to: f64, rate: f64| to.min(from + rate * passed).max(from - rate * passed);
+        let of = |place: usize, control: f64, rate: f64| {
+            // At the beginning the wheels are straight, and a frame has passed.
+            let Some(before) = before else {
+                return towards(0.0, control, rate * cx.period.unwrap_or_default());
+            };
+            // Over frames that the driver missed because it was late, the actuator goes on to the control before.
+            let frames = cx.frame_index.saturating_sub(before.frame_index).max(1);
+            let elapsed = cx.time - before.time;
+            let last = elapsed / frames as f64;
+            let from = towards(before.passed[place], before.given[place], rate * (elapsed - last));
+            towards(from, control, rate * last)
+        };
         Ok(Control {
-            steering: towards(from.steering, control.steering, cx.number("steering")),
-            throttle: towards(from.throttle, control.throttle, cx.number("throttle")),
+            steering: of(0, control.steering, cx.number("steering")),
+            throttle: of(1, control.throttle, cx.number("throttle")),
         })
     }
 }
@@ -52,7 +62,7 @@ mod tests {
     use pdk_sdk::serde_json::json;
 
     use super::SlowControls;
-    use crate::test_drive::applied;
+    use crate::test_drive::{applied, applied_at};
 
     #[test]
     fn a_step_becomes_a_ramp_of_the_rate() {
@@ -66,6 +76,24 @@ mod tests {
             let time = (index + 1) as f64 / 20.0;
             assert!((control.steering + time.min(0.5)).abs() < 1e-12, "{control:?} after {time} s");
             assert!((control.throttle - (4.0 * time).min(1.0)).abs() < 1e-12, "{control:?} after {time} s");
+        }
+    }
+
+    #[test]
+    fn over_frames_that_the_driver_misses_the_actuator_goes_on_to_the_control_before() {
+        let control = |index: u64| Control { steering: if index < 40 { 0.75 } else { -0.25 }, throttle: 0.5 };
+        let driven = |frames: &[u64]| {
+            let controls: Vec<(u64, Control)> =
+                frames.iter().map(|index| (*index, control(*index))).collect();
+            applied_at::<SlowControls>(&json!({"steering": 0.3, "throttle": 0.1}), 0.0, &controls)
+        };
+        let all = driven(&(0..60).collect::<Vec<_>>());
+        // The control before stays, so that nothing but the number of frames differs.
+        let some = [0, 1, 5, 6, 20, 40, 41, 59];
+        for (index, found) in some.iter().zip(driven(&some)) {
+            let expected = all[*index as usize];
+            assert!((found.steering - expected.steering).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
+            assert!((found.throttle - expected.throttle).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
         }
     }
 
