@@ -20,8 +20,11 @@ const AT_START: f64 = 2.0;
 const STANDING_FRAMES: u32 = 3;
 /// Where the vehicle of the road-generating build starts, in its coordinates, if it does not say that itself.
 const START: [f64; 3] = [125.0, 1.9, 25.0];
-/// Slower than this the stock build is not braked, in metres a second: braking at rest means to drive backwards there.
+/// Slower than this the stock build is not braked before a scenario, in metres a second: braking at rest means to drive backwards there.
 const BRAKED: f64 = 1.0;
+/// Slower than this a driver does not brake, in metres a second: below 5 miles an hour (2.24 m/s), throttle below 0 is that of the reverse
+/// gear, and the speed is that of the frame before.
+const REVERSED: f64 = 2.3;
 
 /// The adapter.
 pub struct Udacity {
@@ -82,10 +85,9 @@ enum Heard {
 
 impl Component for Udacity {
     fn description() -> Description {
-        describe(Description::simulator(
-            "udacity",
-            "Udacity's self-driving-car simulator, which connects to pdk",
-        ))
+        let description =
+            Description::simulator("udacity", "Udacity's self-driving-car simulator, which connects to pdk");
+        describe(description.version(2))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -130,7 +132,7 @@ impl Simulator for Udacity {
         if self.options.build == Build::Stock {
             drive.clock.asked(Instant::now());
         }
-        link.steer(control, &deadline)?;
+        link.steer(unreversed(control, drive.state.speed), &deadline)?;
         let telemetry = link.telemetry(&self.options, &deadline)?;
         drive.go_on(telemetry, &self.options, link.server.peer())?;
         // If several came at once, the driver gets the newest.
@@ -413,6 +415,14 @@ impl Drive {
     }
 }
 
+/// A driver's control for a vehicle that is this fast, without driving backwards.
+fn unreversed(control: Control, speed: f64) -> Control {
+    match speed > REVERSED {
+        true => control,
+        false => Control { throttle: control.throttle.max(0.0), ..control },
+    }
+}
+
 /// The points as the simulator takes them, with the first of them at `start`, in its own coordinates, to a hundredth of a millimetre.
 fn print(points: &[[f64; 3]], start: [f64; 3]) -> String {
     let first = points.first().copied().unwrap_or_default();
@@ -430,6 +440,22 @@ fn mistake(sentence: String) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn throttle_below_0_is_not_sent_to_a_vehicle_that_would_drive_backwards() {
+        for (speed, throttle, sent) in [
+            (10.0, -0.7, -0.7),
+            (2.4, -0.7, -0.7),
+            (2.2, -0.7, 0.0),
+            (0.0, -1.0, 0.0),
+            (-3.0, -1.0, 0.0),
+            (f64::NAN, -1.0, 0.0),
+            (0.0, 0.4, 0.4),
+        ] {
+            let control = unreversed(Control { steering: 0.3, throttle }, speed);
+            assert_eq!(control, Control { steering: 0.3, throttle: sent }, "{speed} {throttle}");
+        }
+    }
 
     #[test]
     fn roads_begin_where_the_vehicle_stands() {
