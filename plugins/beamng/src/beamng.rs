@@ -21,7 +21,8 @@ pub struct BeamNg {
 
 impl Component for BeamNg {
     fn description() -> Description {
-        let description = Description::simulator("beamng", "BeamNG.tech, stepped frame by frame").external();
+        let description = Description::simulator("beamng", "BeamNG.tech, stepped frame by frame");
+        let description = description.version(2).external();
         Settings::describe(Options::describe(description), PORT, PORT_STEP)
     }
 

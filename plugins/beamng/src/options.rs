@@ -88,8 +88,48 @@ impl Options {
         }
     }
 
-    /// Steps of the game from one frame to the next.
-    pub fn steps(&self) -> u32 {
-        (STEPS / self.mount.camera.rate).ceil().max(1.0) as u32
+    /// How the game is stepped.
+    pub fn pace(&self) -> Pace {
+        Pace::of(self.mount.camera.rate)
+    }
+}
+
+/// How the game is stepped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pace {
+    /// Steps from one frame to the next.
+    pub steps: u32,
+    /// Steps a second of simulation time, of which the game takes a whole number.
+    pub per_second: u32,
+}
+
+impl Pace {
+    /// That for about this many frames a second.
+    fn of(rate: f64) -> Self {
+        let steps = (STEPS / rate).ceil().max(1.0);
+        Self { steps: steps as u32, per_second: (steps * rate).round() as u32 }
+    }
+
+    /// The simulation time of a frame in seconds, from its number: it never drifts.
+    pub fn time(self, frame: u64) -> f64 {
+        frame as f64 * f64::from(self.steps) / f64::from(self.per_second)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_of_a_frame_is_that_of_its_steps() {
+        assert_eq!(Pace::of(20.0), Pace { steps: 3, per_second: 60 });
+        for frame in 0..1000 {
+            assert_eq!(Pace::of(20.0).time(frame), frame as f64 / 20.0);
+        }
+        // The game takes 90 steps a second for 89.91.
+        let pace = Pace::of(29.97);
+        assert_eq!(pace, Pace { steps: 3, per_second: 90 });
+        assert_eq!(pace.time(30_000), 1000.0);
+        assert_eq!(Pace::of(144.0), Pace { steps: 1, per_second: 144 });
     }
 }

@@ -184,9 +184,8 @@ impl Session {
         self.engine.call("LoadScenario", fields, "MapLoaded", deadline)?;
         let fields = vec![("restrict_actions", true.into())];
         self.engine.call("StartScenario", fields, "ScenarioStarted", deadline)?;
-        let steps = options.mount.camera.rate * f64::from(options.steps());
         self.ask("SetPhysicsDeterministic", vec![("speedFactor", Value::Nil)], "SetPhysicsDeterministic")?;
-        self.ask("FPSLimit", vec![("fps", (steps.round() as u64).into())], "SetFPSLimit")?;
+        self.ask("FPSLimit", vec![("fps", options.pace().per_second.into())], "SetFPSLimit")?;
         self.ask("Pause", Vec::new(), "Paused")?;
 
         let connected =
@@ -280,7 +279,7 @@ impl Session {
 
     /// A frame further.
     fn advance(&mut self) -> Result<Motion> {
-        let count = self.options.steps();
+        let count = self.options.pace().steps;
         self.ask("Step", vec![("count", count.into()), ("ack", true.into())], "Stepped")?;
         self.motion()
     }
@@ -363,8 +362,7 @@ impl Drive {
         let Place { cross_track_error, progress, finished, .. } = self.track.find(motion.position);
         let [dx, dy, _] = motion.direction;
         self.state = State {
-            // From the count, not from a sum: it never drifts.
-            time: self.frames as f64 / options.mount.camera.rate,
+            time: options.pace().time(self.frames),
             position: motion.position,
             heading: libm::atan2(dx, dy),
             speed: motion.speed,
