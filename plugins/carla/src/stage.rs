@@ -34,7 +34,7 @@ pub struct Stage {
     half_width: f64,
     heading: f64,
     fleet: Fleet,
-    /// From the middle of the vehicle to its front in metres.
+    /// From the middle of the vehicle to its front in metres; that of the simulator `lane` if the server does not tell it.
     front: f64,
     /// The vehicle's number and what it senses.
     ego: Option<(u32, Sensors)>,
@@ -49,10 +49,9 @@ impl Stage {
     /// # Errors
     /// If the lane is not a road.
     pub fn new(lane: Lane, options: Options, seed: u64) -> Result<Self> {
-        let front = traffic::SIZE[2] / 2.0;
         Ok(Self {
-            fleet: Fleet::new(options.traffic, &lane, front, seed)?,
-            front,
+            fleet: Fleet::new(options.traffic, &lane, seed)?,
+            front: traffic::SIZE[2] / 2.0,
             heading: lane.heading(),
             half_width: lane.half_width,
             track: Track::new(lane.waypoints)?,
@@ -98,7 +97,7 @@ impl Stage {
         })?;
         self.front = Actor(&vehicle).extent().map_or(self.front, |[half_length, ..]| half_length);
         let vehicle = server.id_of(&vehicle)?;
-        self.fleet.spawn(server, kinds, &self.options.vehicle)?;
+        self.fleet.spawn(server, kinds, &self.options.vehicle, self.front)?;
 
         let sensors = Sensors::mount(station, server, kinds, &self.options, vehicle, deadline)?;
         self.ego = Some((vehicle, sensors));
