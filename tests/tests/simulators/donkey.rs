@@ -133,8 +133,11 @@ fn a_car_that_leaves_its_lane_has_not_reached_the_end_of_the_road() {
     simulator["lane_departure"] = json!(3);
     // Full lock to the right, against which the driver steers in vain.
     let offset = r#"perturbations = { { name = "steering_offset", offset = 1, side = "right" } }, road = {"#;
-    let settings = [("simulator", &*simulator.to_string()), ("duration", "10")];
-    let run = tried::run(&SOURCE.replace("road = {", offset), &settings);
+    let simulator = simulator.to_string();
+    let run = tried::run(
+        &SOURCE.replace("road = {", offset),
+        &[("simulator", simulator.as_str()), ("duration", "10")],
+    );
     run.says(0, &[]);
     assert_eq!(run.causes(), ["lane_departure"; 2]);
     assert!(
