@@ -16,6 +16,7 @@ Needs `pip install iceoryx2 numpy`, with the version 0.10 of iceoryx2.
 import ctypes
 import fcntl
 import os
+import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -30,6 +31,8 @@ iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
 # at another one.
 _LOOK = 100
 _GLANCE = 1
+# After this many seconds an exchange that cannot be opened is reported. Until then it may not be complete yet.
+_PATIENCE = 1.0
 
 
 class Context(NamedTuple):
@@ -122,15 +125,20 @@ class Room:
         return self._service(name).event().open()
 
     def is_over(self):
-        """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
-        try:
-            with open(self.folder / "lock", "rb") as lock:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            return True
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
+        """Whether pdk is done with it."""
+        return not _has_owner(self.folder)
+
+
+def _has_owner(folder):
+    """Whether a process of pdk is there: it holds a lock for as long as it lives."""
+    try:
+        with open(folder / "lock", "rb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        return False
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
 
 
 class _Link(Room):
@@ -221,6 +229,16 @@ def serve(drive, exchange=None):
     attend("driver", lambda folder: _Link(folder, drive), exchange)
 
 
+def _report(what, folder, error):
+    """Says why an exchange cannot be opened."""
+    print(
+        f"{folder}: this exchange of pdk cannot be opened ({type(error).__name__}: {error}); install the version 0.10 of iceoryx2, and take "
+        f"pdk_{what}.py from the pdk that runs",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
 def attend(what, link, exchange):
     """Serves the process of pdk that has started this program, or all that ask for an exchange: `link(folder)` meets one."""
     look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
@@ -233,6 +251,8 @@ def attend(what, link, exchange):
             pass
         return
     links = {}
+    # When each exchange that cannot be opened was tried first; none once that was reported.
+    failing = {}
     looked = float("-inf")
     while True:
         if time.monotonic() - looked >= _LOOK / 1000:
@@ -240,8 +260,13 @@ def attend(what, link, exchange):
                 if folder not in links and (folder / "iceoryx2.toml").exists():
                     try:
                         links[folder] = link(folder)
-                    except Exception:  # It has just ended, or is not complete yet: another look shows.
-                        continue
+                        failing.pop(folder, None)
+                    except Exception as error:  # It has just ended, or is not complete yet: another look shows.
+                        now = time.monotonic()
+                        first = failing.setdefault(folder, now)
+                        if first is not None and now - first >= _PATIENCE and _has_owner(folder):
+                            failing[folder] = None
+                            _report(what, folder, error)
             looked = time.monotonic()
         for folder, one in list(links.items()):
             if not one.step(look if len(links) == 1 else glance) and one.is_over():

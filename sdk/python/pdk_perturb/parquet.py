@@ -81,7 +81,9 @@ class _Writer:
 
 def _scenarios(record, folder):
     writer = _Writer(folder / "scenarios.parquet")
-    writer.add(_table(record.rows()))
+    rows, kinds = record.rows(), {}
+    _add_kinds(kinds, rows)
+    writer.add(_table(rows, _schema(kinds)))
     return writer.finish()
 
 
@@ -102,17 +104,19 @@ def _telemetry(record, folder):
 
 
 def _results(record, folder):
-    """Lines have the same fields, but for those of frames that were left out; so the first lines do not decide which columns there are."""
-    fields: dict[str, None] = {}
+    """No line decides alone which columns there are and what they hold: fields of frames that were left out are missing, and a field that
+    was a number so far may be a text further on."""
+    kinds: dict[str, set[type]] = {}
+    left = 0
     for rows in _chunks(record):
-        for row in rows:
-            fields.update(dict.fromkeys(row))
-    writer = _Writer(folder / "results.parquet")
-    schema = None
+        _add_kinds(kinds, rows)
+        left += len(rows)
+    writer, schema = _Writer(folder / "results.parquet"), _schema(kinds)
     for rows in _chunks(record):
-        table = _table([{name: row.get(name) for name in fields} for row in rows], schema)
-        schema = table.schema
-        writer.add(table)
+        # Lines that a run has added since then are for the next call.
+        if rows := rows[:left]:
+            writer.add(_table(rows, schema))
+        left -= len(rows)
     return writer.finish()
 
 
@@ -137,24 +141,36 @@ def _flat(value, name=""):
     return {name: json.dumps(value) if isinstance(value, list) else value}
 
 
-def _table(rows, schema=None):
-    """Rows as a table. A column of whole numbers and others is one of floats, and one of nothing but nulls one of floats too."""
+def _add_kinds(kinds, rows):
+    """Adds the types of the values in rows, by column."""
+    for row in rows:
+        for name, value in row.items():
+            found = kinds.setdefault(name, set())
+            if value is not None:
+                found.add(type(value))
+
+
+def _schema(kinds):
+    """The columns of a table. One of whole numbers and others is one of floats, and one of nothing but nulls one of floats too."""
     pyarrow = _pyarrow()
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    columns = {}
-    for name in names:
-        values = [json.dumps(value) if isinstance(value, (dict, list)) else value for value in (row.get(name) for row in rows)]
-        kinds = {type(value) for value in values if value is not None}
-        if schema is not None:
-            kind = schema.field(name).type
-        elif kinds == {bool}:
-            kind = pyarrow.bool_()
-        elif kinds <= {float, int} and kinds != {int}:
-            kind = pyarrow.float64()
-        elif kinds == {int}:
-            kind = pyarrow.int64()
-        else:
-            kind = pyarrow.string()
+
+    def kind(found):
+        if found == {bool}:
+            return pyarrow.bool_()
+        if found == {int}:
+            return pyarrow.int64()
+        return pyarrow.float64() if found <= {float, int} else pyarrow.string()
+
+    return pyarrow.schema([(name, kind(found)) for name, found in kinds.items()])
+
+
+def _table(rows, schema):
+    """Rows as a table. What is not a text is JSON in a column of texts."""
+    pyarrow = _pyarrow()
+    columns = []
+    for field in schema:
+        values = [row.get(field.name) for row in rows]
+        if field.type == pyarrow.string():
             values = [value if value is None or isinstance(value, str) else json.dumps(value) for value in values]
-        columns[name] = pyarrow.array(values, kind)
-    return pyarrow.table(columns)
+        columns.append(pyarrow.array(values, field.type))
+    return pyarrow.table(columns, schema=schema)

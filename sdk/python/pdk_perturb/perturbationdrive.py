@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ImagePerturbation"]
 
-#: How many perturbations are kept with what they have prepared; one that is made anew goes on where it was.
+#: How many perturbations are kept with what they have prepared; one that is made anew goes on where it was. Those that remember frames are
+#: kept in any case.
 _KEPT = 8
 
 
@@ -60,7 +61,7 @@ class ImagePerturbation:
         self._funcs = [each.__name__ if callable(each) else each for each in funcs] or pdk.names(default=True)
         # How often each was called, and those that were called last.
         self._calls: Counter[str] = Counter()
-        self._kept: OrderedDict[tuple[str, float], pdk.Perturbation] = OrderedDict()
+        self._kept: OrderedDict[str, pdk.Perturbation] = OrderedDict()
         for name in self._funcs:
             if name not in self._functions:
                 pdk.written(name)
@@ -76,15 +77,20 @@ class ImagePerturbation:
             return image
         if own := self._functions.get(perturbation_name):
             return own(intensity, image)
-        key = (perturbation_name, float(intensity))
-        if key not in self._kept:
-            self._kept[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, fps=self.fps)
-            if len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        perturbed = self._kept[key](numpy.ascontiguousarray(image), frame=self._calls[perturbation_name])
+        sequence = self._kept.get(perturbation_name)
+        if sequence is None:
+            sequence = self._kept[perturbation_name] = pdk.Perturbation(perturbation_name, seed=self.seed, fps=self.fps)
+            self._drop_oldest()
+        self._kept.move_to_end(perturbation_name)
+        number = self._calls[perturbation_name]
+        perturbed = sequence(numpy.ascontiguousarray(image), frame=number, level=float(intensity))
         self._calls[perturbation_name] += 1
         return perturbed
+
+    def _drop_oldest(self) -> None:
+        forgetful = [name for name, sequence in self._kept.items() if not sequence.history]
+        for name in forgetful[:-_KEPT]:
+            del self._kept[name]
 
 
 def __dir__() -> list[str]:

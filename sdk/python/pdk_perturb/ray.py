@@ -99,8 +99,12 @@ class Paths:
             for modifier, parts in (("where", {"by": "saliency", "mask": "mask"}), ("attention", {"by": "saliency"})):
                 for part, of in parts.items():
                     component = (applied.get(modifier) or {}).get(part)
-                    if isinstance(component, dict):
-                        yield from self._component(of, component, (*place, modifier, part))
+                    if not isinstance(component, dict):
+                        continue
+                    # A mask may be a script of the user's, by its path.
+                    if of == "mask" and os.path.splitext(component["name"])[1] == ".lua":
+                        yield (*place, modifier, part, "name")
+                    yield from self._component(of, component, (*place, modifier, part))
 
     def _component(self, kind, component, place):
         types = self._types.get((kind, component["name"]), {})

@@ -18,6 +18,7 @@ import math
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from numbers import Integral
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -124,7 +125,8 @@ class Session:
         words = arguments(settings=None, plugins=plugins, drop_ins=drop_ins, **own)
         self._defaults = {name: value for name, value in shared.items() if value is not None}
         self._lock = threading.RLock()
-        self._pending = 0
+        # Tickets whose outcomes have not been taken.
+        self._open: set[int] = set()
         self._record: Record | None = None
         self._rates: dict[str, float] = {}
         program = Program([*_caller(), *words], progress)
@@ -152,21 +154,28 @@ class Session:
     def _submit(self, scenarios):
         with self._lock:
             tickets = self._call("submit", [self._frame_by_frame(scenario) for scenario in scenarios])
-            self._pending += len(tickets)
+            self._open.update(tickets)
             return tickets
 
     def wait(self, ticket: int) -> Outcome:
         """Waits for the outcome of a ticket."""
         with self._lock:
-            outcome = self._call("wait", ticket)
-            self._pending -= 1
-            return outcome
+            try:
+                return self._call("wait", ticket)
+            finally:
+                # A scenario that came to nothing is an error, which is taken too; and an outcome may be asked for again.
+                if isinstance(ticket, Integral):
+                    self._open.discard(int(ticket))
 
     def next(self) -> Outcome | None:
         """Waits for the next outcome, as they come, with its ticket; `None` where all have been taken."""
         with self._lock:
             outcome = self._call("next", {})
-            self._pending -= outcome is not None
+            # An error does not say whose it is. Its ticket counts until it is waited for, or until nothing is left.
+            if outcome is None:
+                self._open.clear()
+            else:
+                self._open.discard(outcome["ticket"])
             return outcome
 
     def __iter__(self) -> Iterator[Outcome]:
@@ -180,7 +189,7 @@ class Session:
     @property
     def pending(self) -> int:
         """How many submissions there are whose outcomes have not been taken."""
-        return self._pending
+        return len(self._open)
 
     def evaluate(
         self,

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import multiprocessing.context
 import multiprocessing.sharedctypes
 import threading
 from collections.abc import Sequence
@@ -183,7 +184,7 @@ class Transform:
             if "mask" in labels:
                 moved["mask"] = _moved_mask(labels["mask"], sources, self.outside)
             if "masks" in labels:
-                moved["masks"] = _like([_moved_mask(mask, sources, self.outside) for mask in labels["masks"]], labels["masks"])
+                moved["masks"] = _moved_masks(labels["masks"], sources, self.outside)
         return moved
 
 
@@ -220,16 +221,28 @@ class Indexed:
 
 
 class _Epoch:
-    """A number that workers of a data loader see, forked or started anew."""
+    """A number that workers of a data loader see, forked or started anew. A copy that is made for anything else has a number of its own."""
 
-    def __init__(self):
-        self._value = multiprocessing.sharedctypes.RawValue("q", 0)
+    def __init__(self, epoch=0):
+        self._value = multiprocessing.sharedctypes.RawValue("q", epoch)
 
     def set(self, epoch):
         self._value.value = epoch
 
     def get(self):
         return self._value.value
+
+    def __reduce__(self):
+        # Shared memory only travels to a process that is being started.
+        if multiprocessing.context.get_spawning_popen() is None:
+            return _Epoch, (self.get(),)
+        return _shared_epoch, (self._value,)
+
+
+def _shared_epoch(value):
+    epoch = _Epoch()
+    epoch._value = value
+    return epoch
 
 
 def _as_edges(edges, height, width):
@@ -274,6 +287,16 @@ def _like(rows, given):
     if rows and isinstance(given, (list, tuple)) and isinstance(given[0], tuple):
         rows = [tuple(row) for row in rows]
     return type(given)(rows) if isinstance(given, (list, tuple)) else rows
+
+
+def _moved_masks(masks, sources, outside):
+    """Masks in what the user gave them in, with the type of their values."""
+    moved = [_moved_mask(mask, sources, outside) for mask in masks]
+    if not moved:
+        return masks
+    if isinstance(masks, numpy.ndarray):
+        return numpy.array(moved, dtype=masks.dtype)
+    return _like(moved, masks)
 
 
 def _moved_mask(mask, sources, outside):
@@ -353,6 +376,14 @@ def _from_torch(image):
     if image.dim() != 3 or image.shape[0] != 3:
         raise ValueError(f"a tensor of {tuple(image.shape)} is not an image: it has to be 3 x height x width")
     whole = image.dtype == torch.uint8
+    if not whole and not image.is_floating_point():
+        raise ValueError(f"a tensor of {image.dtype} is not an image; give one of torch.uint8, or of floating-point numbers from 0 to 1")
+    # Not a number is not within them either.
+    if not whole and not bool(((image >= 0) & (image <= 1)).all()):
+        raise ValueError(
+            f"a tensor of {image.dtype} with values from {image.min().item():g} to {image.max().item():g} is not an image; divide it by 255 if its "
+            "values are from 0 to 255, clamp it to 0 to 1 after interpolation, and normalise it after this transform"
+        )
     values = image if whole else (image * 255).round().clamp(0, 255).to(torch.uint8)
 
     def back(array):
