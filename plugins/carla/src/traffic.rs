@@ -61,7 +61,7 @@ impl Fleet {
         })
     }
 
-    /// Lays out where they are, if the ego vehicle and each of them reaches so far from its middle to its ends, in metres.
+    /// Lays out where they are. The middle of the ego vehicle and of each of them is `half_length` metres from its ends.
     fn lay_out(&mut self, half_length: f64) {
         let mut random = pdk_sdk::seed::key(self.seed, traffic::KEY, 0).sequence();
         self.traffic = Traffic::new(self.wanted, self.path.length(), half_length, &mut random);

@@ -5,7 +5,7 @@ use pdk_sdk::prelude::{Error, Result};
 
 /// The longest road in metres: what is kept of it takes memory in proportion.
 pub const LONGEST: f64 = 5_000.0;
-/// A lane of a map that is followed for so long ends up to this many metres farther.
+/// A lane of a map that is followed for this length ends a little behind it, at most this many metres.
 const ROUNDING: f64 = 10.0;
 /// The path is divided into pieces of this length in metres.
 const STEP: f64 = 0.25;

@@ -4,6 +4,7 @@
 
 mod beamng;
 mod carla;
+mod carla_maps;
 mod donkey;
 mod external_driver;
 mod external_simulator;
