@@ -135,11 +135,11 @@ pub fn without_gradient(graph: &Graph, target: &str, of: &str) -> Vec<String> {
 }
 
 fn lacking(graph: &Graph, between: &HashSet<&str>) -> Vec<String> {
-    let on_the_way = |node: &&NodeProto| {
-        node.input.iter().any(|name| between.contains(name.as_str()))
+    let on_the_way = |(place, node): &(usize, &NodeProto)| {
+        graph.uses(*place).any(|name| between.contains(name))
             && node.output.iter().any(|name| between.contains(name.as_str()))
     };
-    let nodes = graph.nodes().iter().filter(on_the_way);
+    let nodes = graph.nodes().iter().enumerate().filter(on_the_way).map(|(_, node)| node);
     let has_none = |node: &&NodeProto| {
         operators::find(node).is_none_or(|operator| matches!(operator.gradient, Rule::Unknown))
     };
@@ -149,13 +149,18 @@ fn lacking(graph: &Graph, between: &HashSet<&str>) -> Vec<String> {
     lacking
 }
 
-/// The values through which the target depends on one of `of`, both ends among them.
+/// The values through which the gradient of the target comes to one of `of`, both ends among them. If none comes to it, those through which the
+/// target depends on it.
 fn between<'a>(graph: &'a Graph, target: &str, of: &[&str]) -> Result<HashSet<&'a str>> {
     let mut between = HashSet::new();
-    let ancestors = ancestors(graph, target);
+    let (ancestors, derived) = (ancestors(graph, target), derived(graph, target));
     for name in of {
         graph.fact(name)?;
-        between.extend(graph.dependents(name).into_iter().filter(|name| ancestors.contains(name)));
+        let moved = moved(graph, name);
+        match moved.contains(target) {
+            true => between.extend(moved.intersection(&derived)),
+            false => between.extend(graph.dependents(name).intersection(&ancestors)),
+        }
     }
     Ok(between)
 }
@@ -163,9 +168,40 @@ fn between<'a>(graph: &'a Graph, target: &str, of: &[&str]) -> Result<HashSet<&'
 /// The values that the target depends on, itself among them.
 fn ancestors<'a>(graph: &'a Graph, target: &str) -> HashSet<&'a str> {
     let needed = graph.needed(&[target], &HashSet::new());
-    let nodes = graph.nodes().iter().zip(needed).filter(|(_, needed)| *needed).map(|(node, _)| node);
-    let values = nodes.flat_map(|node| node.input.iter().chain(&node.output)).map(String::as_str);
+    let places = (0..needed.len()).filter(|place| needed[*place]);
+    let values = places
+        .flat_map(|place| graph.uses(place).chain(graph.nodes()[place].output.iter().map(String::as_str)));
     values.chain(graph.values.name(target)).filter(|name| !name.is_empty()).collect()
+}
+
+/// Whether gradients pass a node. What is constant, or constant in steps, such as a shape, stops them.
+fn passes(node: &NodeProto) -> bool {
+    operators::find(node).is_none_or(|operator| !matches!(operator.gradient, Rule::Zero))
+}
+
+/// The values from which gradients come to a value, itself among them.
+fn moved<'a>(graph: &'a Graph, name: &str) -> HashSet<&'a str> {
+    // Only floats have gradients.
+    let may_have_one =
+        |name: &&str| !name.is_empty() && !graph.fact(name).is_ok_and(|fact| !fact.element.is_float());
+    let mut moved = HashSet::from_iter(graph.values.name(name));
+    for (place, node) in graph.nodes().iter().enumerate().filter(|(_, node)| passes(node)) {
+        if graph.uses(place).any(|name| moved.contains(name)) {
+            moved.extend(node.output.iter().map(String::as_str).filter(may_have_one));
+        }
+    }
+    moved
+}
+
+/// The values to which the gradient of the target comes, itself among them.
+fn derived<'a>(graph: &'a Graph, target: &str) -> HashSet<&'a str> {
+    let mut derived = HashSet::from_iter(graph.values.name(target));
+    for (place, node) in graph.nodes().iter().enumerate().rev().filter(|(_, node)| passes(node)) {
+        if node.output.iter().any(|output| derived.contains(output.as_str())) {
+            derived.extend(graph.uses(place).filter(|name| !name.is_empty()));
+        }
+    }
+    derived
 }
 
 /// The shape of a value of 32-bit or 64-bit floats.

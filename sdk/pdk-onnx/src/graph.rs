@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
+use crate::bodies;
 use crate::proto::{GraphProto, ModelProto, NodeProto, OperatorSetIdProto, ValueInfoProto};
 use crate::shapes::Shapes;
 use crate::site::Site;
@@ -20,6 +21,8 @@ pub struct Graph {
     inputs: Vec<ValueInfoProto>,
     outputs: Vec<String>,
     nodes: Vec<NodeProto>,
+    /// The values around them that the bodies of control flow use, by the place of the node that has the bodies.
+    captured: HashMap<usize, Vec<String>>,
     sparse: Vec<Vec<u8>>,
     /// What the file declares about values whose operator is not known here.
     declared: HashMap<String, Fact>,
@@ -53,6 +56,7 @@ impl Graph {
             declared: declared(&proto),
             sparse: proto.sparse_initializer,
             nodes: Vec::with_capacity(proto.node.len()),
+            captured: HashMap::new(),
             shapes,
             values: Values::new(opset),
         };
@@ -110,6 +114,10 @@ impl Graph {
         if let Ok(facts) = &facts {
             self.fold(&node, facts);
         }
+        let captured = bodies::captured(&node);
+        if !captured.is_empty() {
+            self.captured.insert(self.nodes.len(), captured);
+        }
         self.nodes.push(node);
         Ok(())
     }
@@ -131,7 +139,8 @@ impl Graph {
         Ok(facts)
     }
 
-    /// Keeps what a node computes, where that follows from small constants alone.
+    /// Keeps what a node computes, if that follows from small constants alone. It is rounded to its type, because shapes follow from it: 0.7 times
+    /// 10 is 7 in 32-bit floats and less in 64-bit ones.
     fn fold(&mut self, node: &NodeProto, facts: &[Fact]) {
         let Some(operator) = (self.shapes)(node) else { return };
         if facts.iter().any(|fact| fact.shape.iter().product::<usize>() > SMALL) {
@@ -146,7 +155,7 @@ impl Graph {
         // A value that cannot be computed is not a constant, and the code that needs one reports it.
         let Ok(tensors) = (operator.evaluate)(&Site::new(&self.values, node), &inputs) else { return };
         for (name, tensor) in node.output.iter().zip(tensors) {
-            self.values.keep(name, tensor.fitted());
+            self.values.keep(name, tensor.rounded());
         }
     }
 
@@ -191,6 +200,12 @@ impl Graph {
         self.values.source(name)
     }
 
+    /// The values that the node at a place uses: what goes in, in order, and then what its bodies use of the values around them.
+    pub(crate) fn uses(&self, place: usize) -> impl Iterator<Item = &str> {
+        let captured = self.captured.get(&place).into_iter().flatten();
+        self.nodes[place].input.iter().chain(captured).map(String::as_str)
+    }
+
     /// The nodes that are needed to compute these values from the inputs and from `given`.
     pub(crate) fn needed(&self, values: &[&str], given: &HashSet<&str>) -> Vec<bool> {
         let mut needed = vec![false; self.nodes.len()];
@@ -199,7 +214,7 @@ impl Graph {
             if let Some(Source::Node(place)) = self.source(name).filter(|_| !given.contains(name))
                 && !std::mem::replace(&mut needed[place], true)
             {
-                open.extend(self.nodes[place].input.iter().map(String::as_str));
+                open.extend(self.uses(place));
             }
         }
         needed
@@ -208,8 +223,8 @@ impl Graph {
     /// The values that change when `name` changes, itself among them.
     pub(crate) fn dependents(&self, name: &str) -> HashSet<&str> {
         let mut dependents = HashSet::from_iter(self.values.name(name));
-        for node in &self.nodes {
-            if node.input.iter().any(|input| dependents.contains(input.as_str())) {
+        for (place, node) in self.nodes.iter().enumerate() {
+            if self.uses(place).any(|name| dependents.contains(name)) {
                 dependents.extend(node.output.iter().map(String::as_str).filter(|output| !output.is_empty()));
             }
         }

@@ -5,6 +5,7 @@
 //! floats, as the reference. [`inference`] runs graphs in 32-bit floats. [`field`] tells where on the image a cell of a layer looks.
 
 mod attributes;
+mod bodies;
 mod builder;
 mod bytes;
 mod element;
@@ -25,6 +26,7 @@ mod site;
 pub mod tensor;
 pub mod testing;
 pub mod values;
+mod weights;
 mod window;
 
 /// How the names of ONNX files end.

@@ -14,7 +14,7 @@ use crate::gradient::{Gradients, Target, float_shape, gradients};
 use crate::graph::Graph;
 use crate::proto::ModelProto;
 use crate::tensor::{Element, Tensor, shape_text};
-use crate::values::Source;
+use crate::weights::weights;
 
 /// The name of the number in the graph, which is the first output.
 pub const OBJECTIVE: &str = "objective";
@@ -181,10 +181,10 @@ impl Objective {
 }
 
 /// The values that gradients are taken with respect to, by what `names` say: a value, a node for its first output, or `weights` for all
-/// weights of floats on which the outputs depend. Without names, all inputs of floats.
+/// weights of floats from which the outputs have a gradient. Without names, all inputs of floats.
 ///
 /// # Errors
-/// If something has another name.
+/// If something has another name, or there are no weights.
 pub fn values<'a>(graph: &'a Graph, names: &[String]) -> Result<Vec<&'a str>> {
     let floats = |name: &&str| graph.fact(name).is_ok_and(|fact| fact.element.is_float());
     if names.is_empty() {
@@ -195,13 +195,13 @@ pub fn values<'a>(graph: &'a Graph, names: &[String]) -> Result<Vec<&'a str>> {
         let node = || graph.nodes().iter().find(|node| node.name == *name)?.output.first();
         // First, so that it stands for all weights even if one of them has this name.
         if name == WEIGHTS {
-            let needed: Vec<&str> = graph.outputs().iter().map(String::as_str).collect();
-            let needed = graph.needed(&needed, &HashSet::new());
-            let nodes = graph.nodes().iter().zip(needed).filter(|(_, needed)| *needed);
-            let inputs = nodes.flat_map(|(node, _)| &node.input).map(String::as_str);
-            let is_weight = |name: &&str| matches!(graph.source(name), Some(Source::Initializer(_)));
-            let mut taken = HashSet::new();
-            values.extend(inputs.filter(is_weight).filter(floats).filter(|name| taken.insert(*name)));
+            let weights = weights(graph);
+            if weights.is_empty() {
+                return Err(Error::new(format!(
+                    "it has no weights of floats from which its outputs have a gradient; name inputs or values instead of `{WEIGHTS}`"
+                )));
+            }
+            values.extend(weights);
         } else if let Some(value) = graph.values.name(name).or_else(|| node().map(String::as_str)) {
             values.push(value);
         } else {

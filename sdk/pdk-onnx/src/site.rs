@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
-use crate::proto::{AttributeProto, NodeProto};
+use crate::proto::{AttributeProto, NodeProto, attribute_type};
 use crate::tensor::Tensor;
 use crate::values::{Fact, Values};
 
@@ -82,7 +82,7 @@ impl<'a> Site<'a> {
         match self.constant(place)? {
             Some(tensor) if tensor.values.len() == 1 => Ok(Some(tensor.values[0])),
             Some(_) => Err(Error::new(format!("its input {} has to be one number", place + 1))),
-            None => Ok(self.attribute(attribute).and_then(|attribute| attribute.f).map(f64::from)),
+            None => Ok(self.optional_float(attribute)),
         }
     }
 
@@ -92,12 +92,12 @@ impl<'a> Site<'a> {
 
     /// An attribute that is a whole number.
     pub fn int(&self, name: &str, default: i64) -> i64 {
-        self.attribute(name).and_then(|attribute| attribute.i).unwrap_or(default)
+        self.optional_int(name).unwrap_or(default)
     }
 
     /// An attribute that is a number. Those that are left out are 32-bit floats too.
     pub fn float(&self, name: &str, default: f32) -> f64 {
-        self.attribute(name).and_then(|attribute| attribute.f).unwrap_or(default).into()
+        self.optional_float(name).unwrap_or(default.into())
     }
 
     /// An attribute of whole numbers; nothing if it is left out.
@@ -131,13 +131,40 @@ impl<'a> Site<'a> {
 
     /// The number of an attribute, if it is given.
     pub fn optional_float(&self, name: &str) -> Option<f64> {
-        self.attribute(name).and_then(|attribute| attribute.f).map(f64::from)
+        let attribute = self.attribute(name)?;
+        let zero = || is_zero(attribute, attribute_type::FLOAT).then_some(0.0);
+        attribute.f.or_else(zero).map(f64::from)
     }
 
     /// The whole number of an attribute, if it is given.
     pub fn optional_int(&self, name: &str) -> Option<i64> {
-        self.attribute(name).and_then(|attribute| attribute.i)
+        let attribute = self.attribute(name)?;
+        attribute.i.or_else(|| is_zero(attribute, attribute_type::INT).then_some(0))
     }
+}
+
+/// Whether an attribute without a number is the number 0 of this type: writers in the third version of protocol buffers leave out zeros.
+fn is_zero(attribute: &AttributeProto, of: i32) -> bool {
+    let AttributeProto {
+        name: _,
+        f,
+        i,
+        s,
+        t,
+        g,
+        floats,
+        ints,
+        strings,
+        tensors,
+        graphs,
+        tp,
+        r#type,
+        ref_attr_name,
+    } = attribute;
+    let is_empty = f.is_none() && i.is_none() && s.is_none() && t.is_none() && g.is_none() && tp.is_none();
+    let has_lists = !floats.is_empty() || !ints.is_empty() || !strings.is_empty();
+    let has_lists = has_lists || !tensors.is_empty() || !graphs.is_empty();
+    ref_attr_name.is_empty() && (*r#type == of || *r#type == 0 && is_empty && !has_lists)
 }
 
 /// The place of an axis, which may be counted from the end.
@@ -155,5 +182,34 @@ pub(crate) fn axes(list: &[i64], rank: usize) -> Result<Vec<usize>> {
     match axes.iter().enumerate().any(|(place, axis)| axes[..place].contains(axis)) {
         true => Err(Error::new("one of its axes is named twice")),
         false => Ok(axes),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::Graph;
+    use crate::testing::Sketch;
+
+    /// The attribute `axis` as a whole number, and as a number, of a node that has this attribute.
+    fn read(attribute: AttributeProto) -> (i64, f64) {
+        let mut sketch = Sketch::new(13);
+        sketch.input("x", &[2, 3]);
+        sketch.node("Softmax", &["x"], "y", &[]);
+        sketch.push_attribute(AttributeProto { name: "axis".into(), ..attribute });
+        let graph = Graph::new(sketch.model(&["y"])).unwrap();
+        let site = Site::new(&graph.values, &graph.nodes()[0]);
+        (site.int("axis", -1), site.float("axis", -1.0))
+    }
+
+    #[test]
+    fn a_number_whose_field_is_left_out_is_zero() {
+        let plain = AttributeProto::default;
+        assert_eq!(read(AttributeProto { r#type: attribute_type::INT, ..plain() }), (0, -1.0));
+        assert_eq!(read(AttributeProto { r#type: attribute_type::FLOAT, ..plain() }), (-1, 0.0));
+        assert_eq!(read(plain()), (0, 0.0));
+        assert_eq!(read(AttributeProto { i: Some(1), ..plain() }), (1, -1.0));
+        assert_eq!(read(AttributeProto { ints: vec![1], ..plain() }), (-1, -1.0));
+        assert_eq!(read(AttributeProto { ref_attr_name: "a".into(), ..plain() }), (-1, -1.0));
     }
 }

@@ -5,7 +5,7 @@ use super::lanes::{Level, has_wide_lanes, limited, multiply_add};
 use super::wide;
 use crate::graph::Graph;
 use crate::tensor::Tensor;
-use crate::testing::Setting::{Int, Ints};
+use crate::testing::Setting::{Float, Int, Ints};
 use crate::testing::{Sketch, numbers};
 
 /// Channels, height and width of an image; filters, channels, height and width of a kernel; strides, dilations, padding and groups.
@@ -103,4 +103,51 @@ fn convolutions_are_those_of_the_definition_bit_for_bit_on_every_processor() {
         }
     }
     assert_eq!(with_wide_rows, if has_wide_lanes() { 8 } else { 0 });
+}
+
+/// Channels, height and width of an image, and filters of a kernel: outputs as lanes, places as lanes, and places in wide registers.
+const NOT_A_NUMBER: &[([usize; 3], usize)] = &[([3, 5, 6], 33), ([3, 6, 40], 2), ([3, 4, 66], 24)];
+
+#[test]
+fn relu_behind_a_convolution_or_a_product_keeps_what_is_not_a_number_on_every_processor() {
+    let draw = |seed: u64, shape: &[usize]| Tensor::floats(shape, numbers(seed, shape.iter().product()));
+    let mut graphs = Vec::new();
+    for (image, filters) in NOT_A_NUMBER {
+        let mut s = Sketch::new(20);
+        s.input("x", &[1, image[0], image[1], image[2]]);
+        let weights = s.weights("w", draw(1, &[*filters, image[0], 3, 3]));
+        s.node("Conv", &["x", &weights], "sum", &[]);
+        graphs.push((s, image.iter().product::<usize>()));
+    }
+    for (operator, rows) in [("MatMul", 2), ("MatMul", 5), ("Gemm", 5)] {
+        let mut s = Sketch::new(20);
+        s.input("x", &[rows, 30]);
+        let weights = s.weights("w", draw(2, &[30, 37]));
+        let settings: &[_] = if operator == "Gemm" { &[("alpha", Float(0.5))] } else { &[] };
+        s.node(operator, &["x", &weights], "sum", settings);
+        graphs.push((s, rows * 30));
+    }
+    for (number, (mut s, count)) in graphs.into_iter().enumerate() {
+        s.node("Relu", &["sum"], "y", &[]);
+        let mut x: Vec<f32> = numbers(3, count).iter().map(|value| *value as f32).collect();
+        x[count / 2] = f32::NAN;
+        let results = [Level::Portable, Level::Avx, Level::Avx512].map(|level| {
+            let run = |outputs: &[&str]| {
+                let mut program = Program::new(Graph::new(s.model(outputs)).unwrap()).unwrap();
+                let mut results = vec![Vec::new(); outputs.len()];
+                program.run(std::slice::from_ref(&x), &mut results).unwrap();
+                results
+            };
+            limited(level, || [run(&["y"]), run(&["y", "sum"])])
+        });
+        for [together, apart] in results {
+            let bits = |values: &[f32]| -> Vec<u32> { values.iter().map(|value| value.to_bits()).collect() };
+            let cut = |sum: &f32| if *sum <= 0.0 { 0.0 } else { *sum };
+            let expected: Vec<f32> = apart[1].iter().map(cut).collect();
+            assert!(expected.iter().any(|value| value.is_nan()), "{number}");
+            assert!(expected.iter().any(|value| *value == 0.0) && expected.iter().any(|value| *value > 0.0));
+            assert_eq!(bits(&apart[0]), bits(&expected), "{number}");
+            assert_eq!(bits(&together[0]), bits(&expected), "{number}");
+        }
+    }
 }

@@ -39,7 +39,7 @@ pub fn check(graph: &Graph, site: &Site<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The elements of a constant as its type has them; the graph keeps more digits of what it computes from constants.
+/// The elements of a constant as its type has them; a file may hold others.
 pub fn constant(graph: &Graph, name: &str) -> Result<Option<Arc<Tensor>>> {
     Ok(graph.constant(name)?.map(|tensor| match tensor.is_rounded() {
         true => tensor,

@@ -7,6 +7,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::broadcast::Broadcast;
 use super::buffer::{Buffer, Operation, is_single, single};
+use super::lanes::Number;
 use crate::operators::functions;
 use crate::site::Site;
 use crate::tensor::Element;
@@ -67,10 +68,10 @@ impl Operation for Unary {
         }
         let (input, into) = (single(inputs, 0)?, outputs[0].single_mut()?);
         match self.0 {
-            Function::Relu => each(input, into, |x| if x > 0.0 { x } else { 0.0 }),
+            Function::Relu => each(input, into, f32::cut),
             Function::LeakyRelu(slope) => each(input, into, |x| if x < 0.0 { slope * x } else { x }),
             Function::Clip(low, high) => each(input, into, |x| {
-                let x = if x >= low { x } else { low };
+                let x = if x < low { low } else { x };
                 if x > high { high } else { x }
             }),
             Function::Neg => each(input, into, |x| -x),

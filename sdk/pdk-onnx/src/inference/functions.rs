@@ -11,7 +11,7 @@ use super::exponential::{exp, exp_less_one};
 use super::lanes::{Lanes, Work, dispatch_wide};
 use super::logarithm::{log, mish, softplus};
 use crate::operators::{gelu, rectifiers};
-use crate::order::{greater, lesser};
+use crate::order::{cut, further};
 use crate::site::Site;
 
 /// A function of each element.
@@ -117,7 +117,7 @@ impl Work for Each<'_> {
                 self.all(|x| gamma * if x > 0.0 { x } else { alpha * exp_less_one(x) });
             }
             Smooth::Celu(alpha) => {
-                self.all(|x| greater(0.0, x) + lesser(0.0, alpha * exp_less_one(x / alpha)));
+                self.all(|x| cut(x) + further(0.0, alpha * exp_less_one(x / alpha), -1.0));
             }
             Smooth::Log => self.all(log),
             Smooth::Softplus => self.all(softplus),

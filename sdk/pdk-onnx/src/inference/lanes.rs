@@ -32,7 +32,7 @@ pub trait Number: Copy + Default + Send + 'static {
     /// What a multiply-add computes in a lane.
     fn multiply_add(a: Self, b: Self, sum: Self) -> Self;
 
-    /// The number if it is above 0, else 0, as `Relu` has it.
+    /// The number if it is above 0, else 0, as `Relu` has it. What is not a number stays so.
     fn cut(self) -> Self;
 }
 
@@ -53,7 +53,7 @@ impl Number for f32 {
 
     #[inline(always)]
     fn cut(self) -> Self {
-        if self > 0.0 { self } else { 0.0 }
+        if self <= 0.0 { 0.0 } else { self }
     }
 }
 

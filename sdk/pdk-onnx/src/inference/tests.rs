@@ -100,6 +100,31 @@ fn programs_choose_zeros_and_what_is_not_a_number_as_the_rules_do() {
     }
 }
 
+#[test]
+fn rectifiers_and_bounds_keep_what_is_not_a_number() {
+    let x = Tensor::floats(&[4], vec![f64::NAN, -0.0, -2.0, 2.0]);
+    for (operator, expected) in [
+        ("Relu", [0.0, 0.0, 2.0]),
+        ("Clip", [-0.0, -1.0, 1.0]),
+        ("Celu", [0.0, f64::from(-0.864_664_7f32), 2.0]),
+    ] {
+        let mut s = Sketch::new(13);
+        s.input("x", &[4]);
+        let bounds = [("low", -1.0), ("high", 1.0)]
+            .map(|(name, value)| s.weights(name, Tensor::floats(&[], vec![value])));
+        match operator {
+            "Clip" => s.node("Clip", &["x", &bounds[0], &bounds[1]], "y", &[]),
+            _ => s.node(operator, &["x"], "y", &[]),
+        }
+        for found in both(&s, &x) {
+            assert!(found[0].is_nan(), "{operator}: {found:?}");
+            assert_eq!(bits(&found[1..2]), bits(&[expected[0] as f32]), "{operator}: {found:?}");
+            let near = |(found, expected): (&f32, &f64)| (f64::from(*found) - expected).abs() < 1e-6;
+            assert!(found[1..].iter().zip(&expected).all(near), "{operator}: {found:?}");
+        }
+    }
+}
+
 /// The shape of `x`, and what adds the nodes.
 type Movement = (&'static [usize], fn(&mut Sketch));
 

@@ -4,7 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::site::Site;
+use crate::site::{Site, axis};
 use crate::tensor::{Element, Tensor, broadcast};
 use crate::values::Fact;
 
@@ -19,8 +19,25 @@ pub const OPERATORS: &[Operator] = &[
 
 /// The type of the first, and the shape that all are broadcast to.
 pub fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    check_alignment(site)?;
     let shapes = (0..site.node.input.len()).map(|place| site.shape(place)).collect::<Result<Vec<_>>>()?;
     Ok(vec![Fact::new(site.fact(0)?.element, broadcast(&shapes)?)])
+}
+
+/// Refuses the second operand of an old file if it is not aligned with the last axes of the first: before version 7, operators had an attribute
+/// for that, which later versions do not have.
+fn check_alignment(site: &Site<'_>) -> Result<()> {
+    let Some(first) = site.optional_int("axis").filter(|_| site.int("broadcast", 0) != 0) else {
+        return Ok(());
+    };
+    let (left, right) = (site.shape(0)?, site.shape(1)?);
+    let is_one = right.iter().all(|length| *length == 1);
+    match is_one || axis(first, left.len())? + right.len() == left.len() {
+        true => Ok(()),
+        false => Err(Error::new(format!(
+            "it aligns its second input with axis {first} of the first one, as operator sets before 7 do; export the model for operator set 7 or later"
+        ))),
+    }
 }
 
 /// Applies a function to each pair of elements.
@@ -168,17 +185,71 @@ fn pow(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
         parts.push((0, b.mul(g, &slope)?));
     }
     if b.wants(site, 1) {
-        let log = b.unary("Log", base)?;
+        let base = base_of_logarithm(site, b)?;
+        let log = b.unary("Log", &base)?;
         let slope = b.mul(site.output(0)?, &log)?;
         parts.push((1, b.mul(g, &slope)?));
     }
     unbroadcast(site, b, parts)
 }
 
+/// The base of a power, but 1 where a base of 0 has an exponent of at least 0: its power does not change with the exponent, and the
+/// logarithm of 0 would make the product infinite or not a number.
+fn base_of_logarithm(site: &Site<'_>, b: &mut Builder) -> Result<String> {
+    let base = site.input(0)?;
+    let exponent = b.cast(site.input(1)?, b.element(base)?)?;
+    let zero = b.number(base, 0.0)?;
+    let (above, below) = (b.mask("Greater", base, &zero)?, b.mask("Less", base, &zero)?);
+    let other = b.binary("Add", &above, &below)?;
+    let is_zero = b.complement(&other)?;
+    let falling = b.mask("Less", &exponent, &zero)?;
+    let rising = b.complement(&falling)?;
+    let flat = b.mul(&is_zero, &rising)?;
+    b.binary("Add", base, &flat)
+}
+
 #[cfg(test)]
 mod tests {
+    use crate::gradient::{Target, gradients};
+    use crate::graph::Graph;
     use crate::tensor::{Element, Tensor};
-    use crate::testing::{check, computed};
+    use crate::testing::{Setting, Sketch, check, computed};
+
+    #[test]
+    fn the_power_of_zero_does_not_change_with_an_exponent_of_at_least_zero() {
+        let mut s = Sketch::new(13);
+        s.input("x", &[4]);
+        let exponents = s.weights("e", Tensor::floats(&[4], vec![2.0, 0.0, 3.0, -1.0]));
+        s.node("Pow", &["x", &exponents], "powers", &[]);
+        s.node("ReduceSum", &["powers"], "y", &[]);
+        let graph = Graph::new(s.model(&["y"])).unwrap();
+        let built = gradients(&graph, Target { value: "y", index: 0 }, &["e"], &[]).unwrap();
+        let x = Tensor::floats(&[4], vec![0.0, 0.0, 2.0, 0.0]);
+        let derived = Graph::new(built.model).unwrap();
+        let gradient = derived.evaluate(&[("x", &x)], &[&built.outputs[0]]).unwrap().swap_remove(0).values;
+        assert_eq!(gradient[..2], [0.0, 0.0]);
+        assert!((gradient[2] - 8.0 * libm::log(2.0)).abs() < 1e-6, "{gradient:?}");
+        assert_eq!(gradient[3], f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn operands_that_old_files_align_along_an_axis_are_refused() {
+        let sum = |axis: Option<i64>, shape: &[usize]| {
+            let mut s = Sketch::new(6);
+            s.input("x", &[1, 4, 4, 4]);
+            let other = s.drawn(shape, -1.0, 1.0);
+            let settings = [("broadcast", Setting::Int(1)), ("axis", Setting::Int(axis.unwrap_or_default()))];
+            s.node("Add", &["x", &other], "y", &settings[..1 + usize::from(axis.is_some())]);
+            Graph::new(s.model(&["y"])).unwrap().fact("y").cloned()
+        };
+        let error = sum(Some(1), &[4]).unwrap_err().to_string();
+        assert!(error.contains("aligns its second input with axis 1"), "{error}");
+        for (axis, shape) in
+            [(None, &[4][..]), (Some(3), &[4]), (Some(2), &[4, 4]), (Some(-1), &[4]), (Some(1), &[])]
+        {
+            assert_eq!(sum(axis, shape).unwrap().shape, [1, 4, 4, 4], "{axis:?} {shape:?}");
+        }
+    }
 
     #[test]
     fn integers_wrap_and_division_cuts() {

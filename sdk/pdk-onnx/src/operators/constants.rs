@@ -103,7 +103,28 @@ fn evaluate_range(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Ten
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::check;
+    use crate::graph::Graph;
+    use crate::inference::Program;
+    use crate::testing::{Setting, Sketch, check};
+
+    #[test]
+    fn shapes_that_are_computed_in_32_bit_floats_are_those_of_32_bit_floats() {
+        let mut s = Sketch::new(13);
+        s.input("x", &[10, 3]);
+        let share = s.weights("share", crate::Tensor::floats(&[], vec![0.7]));
+        s.node("Shape", &["x"], "whole", &[]);
+        s.node("Cast", &["whole"], "floats", &[("to", Setting::Int(1))]);
+        s.node("Mul", &["floats", &share], "product", &[]);
+        s.node("Floor", &["product"], "floor", &[]);
+        s.node("Cast", &["floor"], "shape", &[("to", Setting::Int(7))]);
+        s.node("ConstantOfShape", &["shape"], "y", &[]);
+        let graph = Graph::new(s.model(&["y"])).unwrap();
+        // The nearest 32-bit float to 0.7 is less, and 10 times that is nearest to 7.
+        assert_eq!(graph.fact("y").unwrap().shape, [7, 2]);
+        let mut outputs = [Vec::new()];
+        Program::new(graph).unwrap().run(&[vec![0.0; 30]], &mut outputs).unwrap();
+        assert_eq!(outputs[0], [0.0; 14]);
+    }
 
     #[test]
     fn shapes_that_are_computed_are_followed() {

@@ -7,7 +7,7 @@ use pdk_sdk::error::Result;
 
 use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
-use crate::order::{greater, lesser};
+use crate::order::{self, cut};
 use crate::site::Site;
 use crate::tensor::Tensor;
 
@@ -28,7 +28,7 @@ pub const OPERATORS: &[Operator] = &[
     Operator::new("Reciprocal", same, |_, x| each(x, |x| 1.0 / x), Rule::First(reciprocal)),
     Operator::new("Sin", same, |_, x| each(x, libm::sin), Rule::First(sin)),
     Operator::new("Cos", same, |_, x| each(x, libm::cos), Rule::First(cos)),
-    Operator::new("Relu", same, |_, x| each(x, |x| greater(0.0, x)), Rule::First(relu)),
+    Operator::new("Relu", same, |_, x| each(x, cut), Rule::First(relu)),
     Operator::new("LeakyRelu", same, leaky_relu_value, Rule::First(leaky_relu)),
     Operator::new("Elu", same, elu_value, Rule::First(elu)),
     Operator::new("HardSigmoid", same, hard_sigmoid_value, Rule::First(hard_sigmoid)),
@@ -98,7 +98,7 @@ pub fn sigmoid(x: f64) -> f64 {
 
 /// The logarithm of 1 + e^x.
 pub fn softplus(x: f64) -> f64 {
-    libm::log1p(libm::exp(-x.abs())) + greater(0.0, x)
+    libm::log1p(libm::exp(-x.abs())) + cut(x)
 }
 
 fn sigmoid_gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
@@ -208,7 +208,7 @@ pub fn bounds(site: &Site<'_>) -> Result<[Option<f64>; 2]> {
 fn clip_value(site: &Site<'_>, x: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let [low, high] = bounds(site)?;
     let (low, high) = (low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY));
-    each(x, |x| lesser(greater(x, low), high))
+    each(x, |x| order::clip(x, low, high))
 }
 
 fn clip(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {

@@ -176,30 +176,30 @@ fn standardized(b: &mut Builder, x: &str, axes: &[usize], epsilon: f64) -> Resul
     Ok([b.binary("Div", &centred, &deviation)?, deviation])
 }
 
-/// The gradients of an operator that takes values to mean 0 and variance 1 over some axes, multiplies them by a factor and adds a term, both in
-/// the shape `broadcast`. With y the standardised values and g the gradient times the factor, that of the values
+/// The gradients of an operator that takes values to mean 0 and variance 1 over some axes, multiplies them by a factor and adds a term, in
+/// these shapes. With y the standardised values and g the gradient times the factor, that of the values
 /// is (g - mean(g) - y mean(g y)) / deviation.
 fn gradient_standardized(
     site: &Site<'_>,
     b: &mut Builder,
     axes: &[usize],
-    broadcast: &[usize],
+    [factor, term]: [&[usize]; 2],
     g: &str,
 ) -> Result<Parts> {
     let [y, deviation] = standardized(b, site.input(0)?, axes, epsilon(site))?;
     let mut parts = Vec::new();
     if b.wants(site, 0) {
-        let scale = b.reshape(site.input(1)?, broadcast)?;
+        let scale = b.reshape(site.input(1)?, factor)?;
         let g = b.mul(g, &scale)?;
         parts.push((0, destandardize(b, [&y, &deviation], axes, &g)?));
     }
     if b.wants(site, 1) {
         let product = b.mul(g, &y)?;
-        let sum = b.sum_to(&product, broadcast)?;
+        let sum = b.sum_to(&product, factor)?;
         parts.push((1, b.reshape(&sum, site.shape(1)?)?));
     }
     if b.wants(site, 2) {
-        let sum = b.sum_to(g, broadcast)?;
+        let sum = b.sum_to(g, term)?;
         parts.push((2, b.reshape(&sum, site.shape(2)?)?));
     }
     Ok(parts)
@@ -217,12 +217,15 @@ fn destandardize(b: &mut Builder, [y, deviation]: [&str; 2], axes: &[usize], g: 
 
 fn gradient_layer(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let axes: Vec<_> = (first_axis(site)?..site.shape(0)?.len()).collect();
-    gradient_standardized(site, b, &axes, site.shape(1)?, g)
+    let factor = site.shape(1)?;
+    let term = if site.optional(2).is_some() { site.shape(2)? } else { factor };
+    gradient_standardized(site, b, &axes, [factor, term], g)
 }
 
 fn gradient_instance(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let axes: Vec<_> = (2..site.shape(0)?.len()).collect();
-    gradient_standardized(site, b, &axes, &by_channel(site, 2)?, g)
+    let by_channel = by_channel(site, 2)?;
+    gradient_standardized(site, b, &axes, [&by_channel, &by_channel], g)
 }
 
 #[cfg(test)]
@@ -253,6 +256,7 @@ mod tests {
             "batch_normalization",
             "layer_normalization",
             "layer_normalization/axes",
+            "layer_normalization/broadcast",
             "instance_normalization",
         ] {
             check(case);

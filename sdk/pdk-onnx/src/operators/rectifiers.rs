@@ -6,7 +6,7 @@ use super::arithmetic::{binary, unbroadcast};
 use super::functions::{each, times};
 use super::operator::{Operator, Parts, Rule, check_broadcast, same};
 use crate::builder::Builder;
-use crate::order::{greater, lesser};
+use crate::order::{cut, further};
 use crate::site::Site;
 use crate::tensor::Tensor;
 use crate::values::Fact;
@@ -20,6 +20,13 @@ pub const OPERATORS: &[Operator] = &[
 ];
 
 fn infer_prelu(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let (shape, slopes) = (site.shape(0)?, site.shape(1)?);
+    // Later versions align the slopes with the last axis.
+    if site.opset() < 7 && shape.len() > 2 && slopes.len() == 1 && slopes != [1] {
+        return Err(Error::new(
+            "it has a slope for each channel, as operator sets before 7 do; export the model for operator set 7 or later",
+        ));
+    }
     check_broadcast(site, 1)?;
     same(site)
 }
@@ -82,7 +89,7 @@ pub fn alpha_of_celu(site: &Site<'_>) -> Result<f64> {
 
 fn evaluate_celu(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
     let alpha = alpha_of_celu(site)?;
-    each(inputs, |x| greater(0.0, x) + lesser(0.0, alpha * libm::expm1(x / alpha)))
+    each(inputs, |x| cut(x) + further(0.0, alpha * libm::expm1(x / alpha), -1.0))
 }
 
 fn celu(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
@@ -142,6 +149,7 @@ mod tests {
         let slopes = fault(13, "PRelu", &[&[1, 2], &[3, 1, 2]], &[]);
         assert!(slopes.contains("its input 2 of the shape (3, 1, 2) does not go together"), "{slopes}");
         assert!(fault(13, "PRelu", &[&[1, 2]], &[]).contains("its input 2 is missing"));
+        assert!(fault(6, "PRelu", &[&[1, 3, 2, 3], &[3]], &[]).contains("a slope for each channel"));
         assert!(fault(13, "Celu", &[&[2]], &[("alpha", Setting::Float(0.0))]).contains("its alpha is 0"));
         for operator in ["Selu", "ThresholdedRelu", "Shrink"] {
             assert!(fault(13, operator, &[], &[]).contains("its input 1 is missing"));

@@ -4,7 +4,7 @@ use pdk_sdk::error::{Error, Result};
 
 use super::activations::softsign;
 use super::functions::{sigmoid, softplus};
-use crate::order::{greater, lesser};
+use crate::order::{self, cut};
 use crate::site::Site;
 
 /// The kind of a recurrent network.
@@ -54,7 +54,7 @@ struct Activation {
 
 impl Activation {
     fn apply(&self, x: f64) -> f64 {
-        let x = self.clip.map_or(x, |clip| lesser(greater(x, -clip), clip));
+        let x = self.clip.map_or(x, |clip| order::clip(x, -clip, clip));
         (self.function)(x, self.alpha, self.beta)
     }
 }
@@ -63,7 +63,7 @@ impl Activation {
 type Known = (&'static str, fn(f64, f64, f64) -> f64, Option<f64>, Option<f64>);
 
 const ACTIVATIONS: [Known; 11] = [
-    ("relu", |x, _, _| greater(0.0, x), None, None),
+    ("relu", |x, _, _| cut(x), None, None),
     ("tanh", |x, _, _| libm::tanh(x), None, None),
     ("sigmoid", |x, _, _| sigmoid(x), None, None),
     ("softsign", |x, _, _| softsign(x), None, None),

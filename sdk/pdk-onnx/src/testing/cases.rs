@@ -592,6 +592,10 @@ pub const CASES: &[Case] = &[
     case("layer_normalization/axes", 17..=25, IMAGE, UNIT, |s| {
         normalization(s, "LayerNormalization", &[5, 6], &[("axis", Int(2)), ("epsilon", Float(0.01))])
     }),
+    case("layer_normalization/broadcast", 17..=25, IMAGE, UNIT, |s| {
+        let (scale, bias) = (s.drawn(&[6], 0.5, 2.0), s.drawn(&[2, 1, 1], -1.0, 1.0));
+        s.node("LayerNormalization", &["x", &scale, &bias], "y", &[("axis", Int(1))]);
+    }),
     case("instance_normalization", ALL, IMAGE, UNIT, |s| {
         normalization(s, "InstanceNormalization", &[2], &[])
     }),

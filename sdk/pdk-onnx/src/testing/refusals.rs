@@ -8,8 +8,8 @@ use super::damaged::damage;
 use crate::gradient::{Target, gradients, without_gradient};
 use crate::graph::Graph;
 use crate::model;
-use crate::proto::{ModelProto, ValueInfoProto};
-use crate::tensor::Tensor;
+use crate::proto::{AttributeProto, GraphProto, ModelProto, ValueInfoProto};
+use crate::tensor::{Element, Tensor};
 
 fn refusal(model: ModelProto, of: &str) -> String {
     let built =
@@ -101,6 +101,47 @@ fn operators_without_a_gradient_are_listed_where_shapes_are_declared() {
             .contains("16 numbers")
     );
     assert!(gradients(&graph, Target { value: "y", index: 3 }, &["y"], &[]).is_ok());
+}
+
+#[test]
+fn a_value_that_the_body_of_an_if_uses_passes_through_the_if() {
+    let body =
+        GraphProto { output: vec![ValueInfoProto::tensor("r", 1, &[1, 1, 4, 4])], ..Default::default() };
+    let mut model = sketch(16, |s| {
+        s.node("Relu", &["x"], "r", &[]);
+        let condition = s.weights("condition", Tensor { element: Element::BOOL, ..Tensor::ints(&[1]) });
+        s.node("If", &[&condition], "branch", &[]);
+        let body = Some(body.encode_to_vec());
+        s.push_attribute(AttributeProto { name: "then_branch".into(), g: body, ..Default::default() });
+        s.node("Add", &["r", "branch"], "y", &[]);
+    });
+    let declared = ["branch", "y"].map(|name| ValueInfoProto::tensor(name, 1, &[1, 1, 4, 4]));
+    model.graph.as_mut().unwrap().value_info = declared.into();
+    assert_eq!(refusal(model.clone(), "x"), "these operators have no gradient here: If");
+    assert_eq!(without_gradient(&Graph::new(model).unwrap(), "y", "x"), ["If"]);
+}
+
+#[test]
+fn operators_that_only_compute_shapes_need_no_gradient() {
+    let model = sketch(13, |s| {
+        s.node("Shape", &["x"], "shape", &[]);
+        s.node("Cast", &["shape"], "floats", &[("to", Int(1))]);
+        s.node("ReduceProd", &["floats"], "count", &[("keepdims", Int(0))]);
+        s.node("Div", &["x", "count"], "y", &[]);
+    });
+    let graph = Graph::new(model).unwrap();
+    assert_eq!(without_gradient(&graph, "y", "x"), [""; 0]);
+    let built = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]).unwrap();
+    let x = Tensor::floats(&[1, 1, 4, 4], vec![1.0; 16]);
+    let gradient = Graph::new(built.model).unwrap().evaluate(&[("x", &x)], &[&built.outputs[0]]).unwrap();
+    assert_eq!(gradient[0].values[..2], [1.0 / 16.0, 0.0]);
+    // Neither does what is rounded on its way.
+    let graph = Graph::new(sketch(13, |s| {
+        s.node("ReduceProd", &["x"], "p", &[]);
+        s.node("Floor", &["p"], "f", &[]);
+        s.node("Add", &["x", "f"], "y", &[]);
+    }));
+    assert_eq!(without_gradient(&graph.unwrap(), "y", "x"), [""; 0]);
 }
 
 #[test]
