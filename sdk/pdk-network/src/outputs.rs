@@ -115,32 +115,50 @@ impl Outputs {
         };
         let (given_steering, given_throttle) = (named(&steering), named(&throttle));
         if !given_steering {
-            let guess =
-                outputs.guess(&open, throttle.as_ref().filter(|_| given_throttle), constant.is_some())?;
-            reasons.extend(guess.reasons);
+            let guess = outputs.guess(&open, throttle.as_ref().filter(|_| given_throttle))?;
             let rule = steering.get_or_insert_with(|| Rule::plain(""));
-            rule.output.clone_from(&names[guess.steering.0]);
-            rule.index = rule.index.or(guess.steering.1).filter(|_| rule.bins.is_none());
-            if let Some((output, index)) = guess.throttle.filter(|_| !given_throttle && constant.is_none()) {
+            let said = [rule.index, throttle.as_ref().and_then(|rule| rule.index)];
+            let indices = if guess.is_pair { of_pair(said).map(Some) } else { said };
+            // Why a number of a pair is the one, and whether that is a convention.
+            let because = |place: usize, field: &str| match said[place].filter(|_| guess.is_pair) {
+                Some(_) => (why(field), false),
+                None if guess.is_pair && said[1 - place].is_some() => {
+                    ("it is the other number".to_owned(), true)
+                }
+                None => (guess.why.to_owned(), guess.is_assumed),
+            };
+            rule.output.clone_from(&names[guess.steering]);
+            rule.index = indices[0].filter(|_| rule.bins.is_none());
+            let (cause, is_assumed) = because(0, "steering");
+            reasons.push(reason("steering", slot(rule), cause, is_assumed));
+            if let Some(output) = guess.throttle.filter(|_| !given_throttle && constant.is_none()) {
                 let rule = throttle.get_or_insert_with(|| Rule::plain(""));
                 rule.output.clone_from(&names[output]);
-                rule.index = rule.index.or(index).filter(|_| rule.bins.is_none());
+                rule.index = indices[1].filter(|_| rule.bins.is_none());
+                let (cause, is_assumed) = because(1, "throttle");
+                reasons.push(reason("throttle", slot(rule), cause, is_assumed));
             }
         } else if let Some(rule) = &mut steering {
-            reasons.push(reason("steering", outputs.called(rule), why("steering"), false));
-            // Two numbers of which the first steers.
-            let pair = names.iter().position(|name| *name == rule.output).filter(|place| sizes[*place] == 2);
-            if let Some(place) = pair.filter(|_| rule.bins.is_none() && rule.index.is_none()) {
-                rule.index = Some(0);
-                if throttle.is_none() && constant.is_none() {
-                    throttle = Some(Rule { index: Some(1), ..Rule::plain(&names[place]) });
-                    reasons.push(reason(
-                        "throttle",
-                        format!("{}[1]", names[place]),
-                        "it is beside the steering".to_owned(),
-                        true,
-                    ));
+            let mut invented = None;
+            let size = names.iter().position(|name| *name == rule.output).map(|place| sizes[place]);
+            if size == Some(2) && rule.bins.is_none() {
+                let beside =
+                    throttle.as_mut().filter(|other| other.output == rule.output && other.bins.is_none());
+                let said = [rule.index, beside.as_ref().and_then(|other| other.index)];
+                let [first, second] = of_pair(said);
+                rule.index = Some(first);
+                match beside {
+                    Some(other) => other.index = Some(second),
+                    None if said[0].is_none() => {
+                        invented = Some(Rule { index: Some(second), ..Rule::plain(&rule.output) });
+                    }
+                    None => {}
                 }
+            }
+            reasons.push(reason("steering", outputs.called(rule), why("steering"), false));
+            if let Some(rule) = invented.filter(|_| throttle.is_none() && constant.is_none()) {
+                reasons.push(reason("throttle", slot(&rule), "it is beside the steering".to_owned(), true));
+                throttle = Some(rule);
             }
         }
         if let Some(rule) = throttle.as_ref().filter(|_| given_throttle) {
@@ -193,14 +211,40 @@ fn reason(subject: &str, value: String, why: String, assumed: bool) -> Reason {
     Reason { subject: subject.to_owned(), value, why, assumed }
 }
 
-/// An output and which of its numbers.
-type Slot = (usize, Option<usize>);
+/// An output, and which of its numbers if it is known.
+fn slot(rule: &Rule) -> String {
+    match rule.index {
+        Some(index) => format!("{}[{index}]", rule.output),
+        None => rule.output.clone(),
+    }
+}
+
+/// Which numbers of a pair steer and give the throttle, if a description says it of one, of both or of none: what it leaves open is the
+/// other number, and the first steers.
+fn of_pair(said: [Option<usize>; 2]) -> [usize; 2] {
+    let other = |index: usize| usize::from(index == 0);
+    match said {
+        [Some(steering), Some(throttle)] => [steering, throttle],
+        [Some(steering), None] => [steering, other(steering)],
+        [None, Some(throttle)] => [other(throttle), throttle],
+        [None, None] => [0, 1],
+    }
+}
 
 /// What is guessed.
 struct Guess {
-    steering: Slot,
-    throttle: Option<Slot>,
-    reasons: Vec<Reason>,
+    /// The output that steers, and the one that gives the throttle.
+    steering: usize,
+    throttle: Option<usize>,
+    /// Whether they are one output of two numbers.
+    is_pair: bool,
+    why: &'static str,
+    is_assumed: bool,
+}
+
+/// The only output steers.
+fn only(steering: usize) -> Guess {
+    Guess { steering, throttle: None, is_pair: false, why: "it is the only output", is_assumed: false }
 }
 
 /// The outputs that there are.
@@ -222,34 +266,25 @@ impl Known<'_> {
     }
 
     /// Guesses which of the open outputs drive.
-    fn guess(&self, open: &[usize], throttle: Option<&Rule>, constant: bool) -> Result<Guess> {
+    fn guess(&self, open: &[usize], throttle: Option<&Rule>) -> Result<Guess> {
         if let Some(rule) = throttle {
             let others: Vec<usize> =
                 open.iter().copied().filter(|&output| self.names[output] != rule.output).collect();
             let [steering] = others[..] else {
                 return Err(self.wrong(open, "name the one that steers with `steering`"));
             };
-            let why = "it is the only one besides the throttle".to_owned();
-            return Ok(Guess {
-                steering: (steering, None),
-                throttle: None,
-                reasons: vec![reason("steering", self.names[steering].clone(), why, false)],
-            });
+            let why = "it is the only one besides the throttle";
+            return Ok(Guess { steering, throttle: None, is_pair: false, why, is_assumed: false });
         }
         let sizes: Vec<usize> = open.iter().map(|&output| self.sizes[output]).collect();
         let binned = |rule: Option<&Rule>| rule.is_some_and(|rule| rule.bins.is_some());
         let has_bins = binned(self.described.steering.as_ref());
         match (open, sizes.as_slice()) {
-            (&[one], _) if has_bins => Ok(self.only(one)),
-            (&[one], [1]) => Ok(self.only(one)),
+            (&[one], _) if has_bins => Ok(only(one)),
+            (&[one], [1]) => Ok(only(one)),
             (&[one], [2]) => {
-                let name = &self.names[one];
-                let why = "of two numbers the first steers, by convention".to_owned();
-                let mut reasons = vec![reason("steering", format!("{name}[0]"), why.clone(), true)];
-                if !constant {
-                    reasons.push(reason("throttle", format!("{name}[1]"), why, true));
-                }
-                Ok(Guess { steering: (one, Some(0)), throttle: Some((one, Some(1))), reasons })
+                let why = "of two numbers the first steers, by convention";
+                Ok(Guess { steering: one, throttle: Some(one), is_pair: true, why, is_assumed: true })
             }
             (&[first, second], [1, 1]) => {
                 let is = |output: usize, what: usize| {
@@ -263,11 +298,7 @@ impl Known<'_> {
                 };
                 let (steering, throttle) = if swapped { (second, first) } else { (first, second) };
                 let why = if known { "their names say so" } else { "of two outputs the first steers, by convention" };
-                let mut reasons = vec![reason("steering", self.names[steering].clone(), why.to_owned(), !known)];
-                if !constant {
-                    reasons.push(reason("throttle", self.names[throttle].clone(), why.to_owned(), !known));
-                }
-                Ok(Guess { steering: (steering, None), throttle: Some((throttle, None)), reasons })
+                Ok(Guess { steering, throttle: Some(throttle), is_pair: false, why, is_assumed: !known })
             }
             _ => Err(self.wrong(
                 open,
@@ -277,19 +308,11 @@ impl Known<'_> {
         }
     }
 
-    /// The only output steers.
-    fn only(&self, output: usize) -> Guess {
-        let reasons =
-            vec![reason("steering", self.names[output].clone(), "it is the only output".to_owned(), false)];
-        Guess { steering: (output, None), throttle: None, reasons }
-    }
-
     /// An output as people write it.
     fn called(&self, rule: &Rule) -> String {
         let mut called = match (rule.index, &rule.bins) {
-            (Some(index), _) => format!("{}[{index}]", rule.output),
             (None, Some(bins)) => format!("{}, {} bins", rule.output, bins.len()),
-            (None, None) => rule.output.clone(),
+            _ => slot(rule),
         };
         if rule.scale != 1.0 {
             called += &format!(" times {}", rule.scale);

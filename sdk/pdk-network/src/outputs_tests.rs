@@ -32,6 +32,31 @@ fn the_usual_shapes_need_no_description() {
 }
 
 #[test]
+fn of_two_numbers_the_one_that_is_left_is_the_other_one() {
+    let out = [("out", 2)];
+    for (fields, steering, throttle) in [
+        (json!({"steering": {"index": 1}}), 1, 0),
+        (json!({"steering": {"index": 0}}), 0, 1),
+        (json!({"throttle": {"index": 0}}), 1, 0),
+        (json!({"throttle": {"scale": 2}}), 0, 1),
+        (json!({"steering": {"index": 1}, "throttle": {"index": 0}}), 1, 0),
+        (json!({"steering": "out", "throttle": {"output": "out", "index": 0}}), 1, 0),
+        (json!({"steering": {"output": "out", "index": 1}, "throttle": "out"}), 1, 0),
+    ] {
+        assert_eq!(slots(&out, fields.clone()), ((0, steering), Some((0, throttle))), "{fields}");
+        let reasons = outputs(&out, fields.clone()).unwrap().reasons;
+        let values: Vec<_> = reasons.iter().map(|reason| reason.value.as_str()).collect();
+        assert!(values[0].starts_with(&format!("out[{steering}]")), "{fields}: {values:?}");
+        assert!(values[1].starts_with(&format!("out[{throttle}]")), "{fields}: {values:?}");
+    }
+    let outputs = |fields| outputs(&out, fields).unwrap();
+    let told = crate::reason::assumptions(&outputs(json!({"steering": {"index": 1}})).reasons);
+    assert_eq!(told.unwrap(), "throttle out[0]");
+    let constant = outputs(json!({"steering": {"index": 1}, "throttle": 0.25}));
+    assert_eq!((constant.steering.index, constant.throttle, constant.constant), (Some(1), None, 0.25));
+}
+
+#[test]
 fn scale_and_offset_are_reported() {
     let value = |steering: Value| {
         outputs(&[("angle", 1)], json!({"steering": steering})).unwrap().reasons[0].value.clone()

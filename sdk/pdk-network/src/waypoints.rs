@@ -147,7 +147,11 @@ impl Waypoints {
     /// How many waypoints an output of this shape has.
     fn count(&self, given: &Given, name: &str, shape: &[usize]) -> Result<usize> {
         let all: usize = shape.iter().product();
-        let rows = shape.len() < 3 || shape[shape.len() - 1] == self.numbers;
+        // The numbers of a plan come in one row, or on the last axis.
+        let rows = match shape {
+            [] | [_] | [1, _] => true,
+            [.., last] => *last == self.numbers,
+        };
         if all == 0 || !all.is_multiple_of(self.numbers) || !rows {
             return Err(given.wrong(
                 FIELD,

@@ -242,6 +242,20 @@ fn every_description_that_cannot_be_is_an_error_with_a_remedy() {
 }
 
 #[test]
+fn an_output_that_gives_one_coordinate_after_the_other_is_refused() {
+    let shaped = |shape: &[usize]| {
+        let mut model = planner(20);
+        model.graph.as_mut().unwrap().output[0] = ValueInfoProto::tensor("waypoints", FLOAT, shape);
+        follow(&mut model, &mut given(json!({"waypoints": vehicle()})))
+    };
+    let error = shaped(&[2, 10]).unwrap_err().to_string();
+    assert!(error.contains("of shape (2, 10), which is not 2 numbers for each waypoint"), "{error}");
+    for shape in [&[1, 20][..], &[10, 2], &[1, 10, 2], &[20]] {
+        shaped(shape).unwrap_or_else(|error| panic!("{shape:?}: {error}"));
+    }
+}
+
+#[test]
 fn a_shape_that_is_left_open_follows_from_the_nodes() {
     let mut open = planner(8);
     let shape = |open: &mut ModelProto| {

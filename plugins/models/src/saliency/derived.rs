@@ -122,7 +122,7 @@ impl Derived {
     /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
     ///
     /// # Errors
-    /// If the engine fails.
+    /// If the engine fails, or gives another number of values than the layer has.
     pub fn run(&mut self, viewer: &Viewer, frame: Frame<'_>) -> Result<Vec<Planes>> {
         viewer.numbers(frame, self.inputs.image());
         self.compute(viewer)
@@ -131,7 +131,7 @@ impl Derived {
     /// Runs the graph on the numbers of an image.
     ///
     /// # Errors
-    /// If the engine fails.
+    /// As for [`Self::run`].
     pub fn run_on(&mut self, viewer: &Viewer, image: &[f32]) -> Result<Vec<Planes>> {
         self.inputs.image().copy_from_slice(image);
         self.compute(viewer)
@@ -145,6 +145,15 @@ impl Derived {
     fn compute(&mut self, viewer: &Viewer) -> Result<Vec<Planes>> {
         self.inputs.move_at(viewer.speed())?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
+        let count: usize = self.layer.shape.iter().product();
+        if let Some(values) = self.outputs.iter().find(|values| values.len() != count) {
+            return Err(Error::new(format!(
+                "the layer `{}` has {count} numbers by the shapes in the file, but the engine gives {}; export the model with fixed shapes, or choose \
+                 another layer with `layer`",
+                self.layer.name,
+                values.len()
+            )));
+        }
         if let Some(gradient) = self.outputs.last_mut().filter(|_| self.reversed) {
             gradient.iter_mut().for_each(|value| *value = -*value);
         }
