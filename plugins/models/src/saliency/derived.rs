@@ -145,19 +145,25 @@ impl Derived {
     fn compute(&mut self, viewer: &Viewer) -> Result<Vec<Planes>> {
         self.inputs.move_at(viewer.speed())?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
-        let count: usize = self.layer.shape.iter().product();
-        if let Some(values) = self.outputs.iter().find(|values| values.len() != count) {
-            return Err(Error::new(format!(
-                "the layer `{}` has {count} numbers by the shapes in the file, but the engine gives {}; export the model with fixed shapes, or choose \
-                 another layer with `layer`",
-                self.layer.name,
-                values.len()
-            )));
-        }
+        check_counts(&self.layer, &self.outputs)?;
         if let Some(gradient) = self.outputs.last_mut().filter(|_| self.reversed) {
             gradient.iter_mut().for_each(|value| *value = -*value);
         }
         Ok(self.outputs.iter().map(|values| Planes::new(&self.layer, values)).collect())
+    }
+}
+
+/// Checks that an engine gave as many numbers as the layer has: shapes are inferred from the file, and an engine may compute others.
+fn check_counts(layer: &Layer, outputs: &[Vec<f32>]) -> Result<()> {
+    let count: usize = layer.shape.iter().product();
+    match outputs.iter().find(|values| values.len() != count) {
+        None => Ok(()),
+        Some(values) => Err(Error::new(format!(
+            "the layer `{}` has {count} numbers by the shapes in the file, but the engine gives {}; export the model with fixed shapes, or choose another \
+             layer with `layer`",
+            layer.name,
+            values.len()
+        ))),
     }
 }
 
@@ -213,5 +219,24 @@ impl Planes {
     /// The values of each channel, row by row.
     pub fn channels(&self) -> impl Iterator<Item = &[f64]> {
         self.values.chunks(self.rows * self.columns)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_onnx::testing::Sketch;
+
+    use super::*;
+
+    #[test]
+    fn an_engine_that_gives_other_shapes_than_the_file_is_refused() {
+        let mut sketch = Sketch::new(13);
+        sketch.input("x", &[1, 1, 2, 3]);
+        sketch.node("Relu", &["x"], "y", &[]);
+        let graph = Graph::new(sketch.model(&["y"])).unwrap();
+        let layer = layers::image_layer(&graph, Image { input: "x", height: 2, width: 3 }).unwrap();
+        assert!(check_counts(&layer, &[vec![0.0; 6], vec![1.0; 6]]).is_ok());
+        let error = check_counts(&layer, &[vec![0.0; 6], vec![1.0; 4]]).unwrap_err().to_string();
+        assert!(error.contains("the layer `x` has 6 numbers") && error.contains("gives 4"), "{error}");
     }
 }
