@@ -149,7 +149,8 @@ def search(plugins: Sequence[str | PathLike[str]] = (), drop_ins: Sequence[str |
     """Looks for components in these folders, besides pdk's own and the usual places, from now on: as `--plugins` and `--drop-ins`.
 
     `plugins` are folders with plugins and perturbations in Lua, or such files; `drop_ins` are folders with files that become components, such as clips.
-    Files are looked at now: call it again after one has changed.
+    Names and parameters of components are read now: call it again after they have changed. A file whose content alone has changed is read
+    again without that.
     """
 
 def written(perturbation: Chain, **parameters: Any) -> list[str]:

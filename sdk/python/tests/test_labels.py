@@ -55,6 +55,17 @@ def test_masks_are_what_the_image_shows(perturbation):
     assert (result["masks"][0] == result["mask"]).all() and result["mask"].dtype == numpy.uint8
 
 
+@pytest.mark.parametrize("kind", [numpy.uint8, numpy.int64, bool, numpy.float32])
+def test_masks_in_one_array_keep_their_type(image, kind):
+    masks = numpy.stack([image[:, :, channel] > 120 for channel in range(3)]).astype(kind)
+    moved = Transform("translate_image@2")(image=image, masks=masks)["masks"]
+    assert moved.dtype == kind and moved.shape == masks.shape
+    single = Transform("translate_image@2")(image=image, mask=masks[1])["mask"]
+    assert (moved[1] == single).all() and not (moved == masks).all()
+    none = Transform("translate_image@2")(image=image, masks=masks[:0])["masks"]
+    assert none.dtype == kind and none.shape == masks[:0].shape
+
+
 def test_boxes_come_as_they_were_given_and_leave_with_their_labels():
     image = numpy.zeros((100, 200, 3), numpy.uint8)
     shift = "translate_image@2,variant=corrected,share=0.5"

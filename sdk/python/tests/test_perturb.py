@@ -217,83 +217,6 @@ def test_threads_get_the_same_bytes(image):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Sequences
-
-
-def test_a_sequence_is_its_frames_one_after_the_other(image):
-    sequence = pdk.Perturbation(["dynamic_rain_filter@3", "gaussian_noise@1"], seed=7, fps=10)
-    assert (sequence.seed, sequence.fps, sequence.frame) == (7, 10.0, 0)
-    assert sequence.perturbations == ["dynamic_rain_filter@3", "gaussian_noise@1"]
-    frames = [sequence(image) for _ in range(4)]
-    assert sequence.frame == 4
-    for number, frame in enumerate(frames):
-        alone = pdk.perturb(image, sequence.perturbations, seed=7, frame=number, time=number / 10)
-        assert numpy.array_equal(frame, alone), number
-    # Any frame again, on its own.
-    assert numpy.array_equal(sequence(image, frame=2), frames[2]) and sequence.frame == 3
-    assert not numpy.array_equal(sequence(image, frame=2, time=5.0), frames[2])
-    sequence.reset()
-    assert numpy.array_equal(sequence(image), frames[0])
-    sequence.reset(seed=8)
-    assert not numpy.array_equal(sequence(image), frames[0])
-
-
-def test_what_is_drawn_once_stays_for_the_sequence(image):
-    black = numpy.zeros_like(image) + 200
-    sequence = pdk.Perturbation("splatter_mapping@3", seed=1)
-    first = sequence(black)
-    assert numpy.array_equal(first, sequence(black))
-    sequence.reset(seed=2)
-    assert not numpy.array_equal(first, sequence(black))
-
-
-def test_a_sequence_goes_on_in_another_process(image):
-    sequence = pdk.Perturbation("gaussian_noise@2", seed=3, fps=15)
-    sequence(image)
-    twin = pickle.loads(pickle.dumps(sequence))
-    assert repr(twin) == repr(sequence) and twin.frame == 1
-    assert numpy.array_equal(twin(image), sequence(image))
-
-
-def test_a_sequence_that_shows_earlier_frames_begins_in_one_process(image):
-    sequence = pdk.Perturbation("reordered_frames@4", seed=3)
-    twin = pickle.loads(pickle.dumps(sequence))
-    frames = [numpy.roll(image, shift, axis=1) for shift in range(9)]
-    shown = [sequence(frame) for frame in frames]
-    assert all(any(numpy.array_equal(one, frame) for frame in frames[: at + 1]) for at, one in enumerate(shown))
-    assert not all(map(numpy.array_equal, shown, frames))
-    assert all(map(numpy.array_equal, shown, map(twin, frames)))
-    with pytest.raises(pdk.Error, match="shows earlier frames"):
-        pickle.dumps(sequence)
-    sequence.reset()
-    assert pickle.loads(pickle.dumps(sequence)).frame == 0
-
-
-def test_a_sequence_knows_labels_and_distances(image):
-    height, width = image.shape[:2]
-    labels = numpy.zeros((height, width), numpy.uint8)
-    labels[height // 2 :] = 1
-    blacken = "increase_brightness@4,factor=0"
-    painted = pdk.Perturbation(blacken, where={"label": "road"})(image, labels=(["sky", "road"], labels))
-    assert numpy.array_equal(painted[: height // 2], image[: height // 2]) and not painted[height // 2 :].any()
-    distances = numpy.linspace(0, 100, width)[None].repeat(height, 0)
-    far = pdk.perturb(image, blacken, where={"farther": 50}, distances=distances)
-    assert numpy.array_equal(far[:, : width // 2], image[:, : width // 2]) and not far[:, width // 2 + 1 :].any()
-    with pytest.raises(pdk.Error, match="`distances` has to be an array of 97 x 131"):
-        pdk.perturb(image, blacken, where={"farther": 50}, distances=distances[:5])
-    with pytest.raises(pdk.Error, match="come without"):
-        pdk.perturb(image, blacken, where={"label": "road"})
-
-
-def test_an_error_leaves_the_sequence_usable(image):
-    sequence = pdk.Perturbation("contrast@2,where={\"label\":[\"road\"]}")
-    with pytest.raises(pdk.Error, match="perturbation `contrast"):
-        sequence(image)
-    labels = numpy.zeros(image.shape[:2], numpy.uint8)
-    assert numpy.array_equal(sequence(image, labels=(["road"], labels)), pdk.perturb(image, "contrast@2"))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
 # What users bring along
 
 SCRIPT = """
@@ -383,6 +306,74 @@ def test_clips_are_found_by_folder_and_by_parameter(tmp_path, image, searched, c
     assert numpy.array_equal(by_parameter, command(f"overlay@4,clip={clip}"))
     pdk.search(drop_ins=[folder])
     assert numpy.array_equal(pdk.perturb(image, "square@4"), command("square@4", options=["--drop-ins", folder]))
+
+
+MASK = "return { doc = 'A part', mask = function(image) image:fill(0, 0, 0) image:rectangle(0, 0, image.width, ROWS, 255, 255, 255) end }"
+
+
+def test_files_that_have_changed_are_read_again(tmp_path, image, searched):
+    from PIL import Image
+
+    def replace(name, write):
+        # Another file at the same place, so that nothing depends on the clock of the file system.
+        write(tmp_path / f"new-{name}")
+        os.replace(tmp_path / f"new-{name}", tmp_path / name)
+
+    def region(rows):
+        weights = numpy.zeros(image.shape[:2], numpy.uint8)
+        weights[:rows] = 255
+        replace("region.png", Image.fromarray(weights).save)
+
+    def mask(rows):
+        replace("part.lua", lambda path: path.write_text(MASK.replace("ROWS", str(rows))))
+
+    def picture(rows):
+        shown = numpy.zeros((*image.shape[:2], 3), numpy.uint8)
+        shown[:rows] = 255
+        replace("picture.png", Image.fromarray(shown).save)
+
+    def script(color):
+        replace("blacken.lua", lambda path: path.write_text(SCRIPT.replace("0, 0, 0)", f"{color}, {color}, {color})")))
+
+    blacken = "increase_brightness@4,factor=0"
+    for write, perturbation, given in (
+        (region, blacken, {"region": {"mask": str(tmp_path / "region.png")}}),
+        (mask, blacken, {"where": {"mask": str(tmp_path / "part.lua")}}),
+        (picture, "adversarial_patch@4", {"picture": tmp_path / "picture.png", "on": "frame"}),
+    ):
+        write(10)
+        first = pdk.perturb(image, perturbation, **given)
+        assert numpy.array_equal(first, pdk.perturb(image, perturbation, **given))
+        write(40)
+        second = pdk.perturb(image, perturbation, **given)
+        assert not numpy.array_equal(first, second), perturbation
+        write(10)
+        assert numpy.array_equal(first, pdk.perturb(image, perturbation, **given)), perturbation
+    script(7)
+    pdk.search(plugins=[tmp_path / "blacken.lua"])
+    for color in (7, 9):
+        script(color)
+        assert (pdk.perturb(image, "blacken")[:3] == color).all()
+    os.remove(tmp_path / "region.png")
+    with pytest.raises(pdk.Error, match="region.png"):
+        pdk.perturb(image, blacken, region={"mask": str(tmp_path / "region.png")})
+
+
+def test_a_search_during_a_call_leaves_nothing_of_the_search_before(tmp_path, image, searched):
+    for color in (10, 20):
+        folder = tmp_path / str(color)
+        folder.mkdir()
+        # It takes its time.
+        fill = f"{color}, {color}, {color}) for number = 1, 1e7 do end"
+        (folder / "blacken.lua").write_text(SCRIPT.replace("0, 0, 0)", fill))
+    batch = numpy.broadcast_to(image, (40, *image.shape))
+    pdk.search(plugins=[tmp_path / "10"])
+    thread = threading.Thread(target=lambda: pdk.perturb(batch, "blacken@0"))
+    thread.start()
+    time.sleep(0.2)
+    pdk.search(plugins=[tmp_path / "20"])
+    thread.join()
+    assert (pdk.perturb(image, "blacken@0")[0] == 20).all()
 
 
 def test_what_cannot_be_used_is_a_warning(tmp_path, image, searched):

@@ -57,7 +57,19 @@ def test_another_intensity_does_not_begin_again(image):
         assert number or numpy.array_equal(
             controller.perturbation(image, "dynamic_snow_filter", 2), pdk.Perturbation("dynamic_snow_filter@2", seed=3)(image)
         )
-    assert len(controller._kept) == 8
+    assert list(controller._kept) == ["dynamic_snow_filter", "dynamic_rain_filter"]
+
+
+def test_late_frames_are_those_of_the_drive_whatever_the_intensity(image):
+    frames = [numpy.roll(image, shift, axis=1) for shift in range(12)]
+    steady = {level: list(map(pdk.Perturbation("delayed_frames", level=level), frames)) for level in (1, 4)}
+    controller = perturbationdrive.ImagePerturbation(funcs=["delayed_frames"])
+    for number, frame in enumerate(frames):
+        level = 1 if number % 3 else 4
+        assert numpy.array_equal(controller.perturbation(frame, "delayed_frames", level), steady[level][number]), number
+        # Many others in between do not drop what it remembers.
+        for other in pdk.names(default=True)[number : number + 9]:
+            controller.perturbation(image[:8, :8], other, 1)
 
 
 def test_functions_of_ones_own_are_called(image):

@@ -740,6 +740,10 @@ def test_a_job_shows_whether_it_needs_a_gpu_or_files(monkeypatch, tmp_path):
     assert read(driver={"name": "process", "parameters": {"command": ["pilot"], "gpus": 0.5}}) == (0.5, [])
     group, files = read(perturbations=[{"name": "fog_filter", "level": 1, "region": {"mask": str(tmp_path / "mask.png")}}])
     assert group == 0.0 and [told["name"] for _, told in files] == ["mask.png"]
+    (tmp_path / "part.lua").write_text("return {}")
+    where = {"mask": {"name": str(tmp_path / "part.lua")}}
+    _, files = read(perturbations=[{"name": "fog_filter", "level": 1, "where": where}])
+    assert [(steps[-3:], told["name"]) for steps, told in files] == [(("where", "mask", "name"), "part.lua")]
 
 
 def test_a_mistake_is_one_sentence(cluster, study):
@@ -756,11 +760,15 @@ def test_paths_in_a_job_are_found_by_descriptions():
             ("simulator", "process", {"command": "json", "gpus": "number"}),
             ("perturbation", "repaint", {"model": "path"}),
             ("saliency", "hirescam", {"model": "path"}),
+            ("mask", "segmentation", {"model": "path"}),
             ("dataset", "tub", {"path": "path"}),
         ]
     ]
     where = {"top": 20, "by": {"name": "hirescam", "parameters": {"model": "s.onnx"}}}
     applied = {"name": "repaint", "level": 1, "parameters": {"model": "r.onnx"}, "region": {"mask": "m.png"}, "where": where}
+    masked = [
+        {"name": "repaint", "level": 1, "where": {"mask": {"name": name, "parameters": {"model": "m.onnx"}}}} for name in ("below.lua", "segmentation")
+    ]
     simulator = {"name": "process", "parameters": {"command": ["python3", "town.py", "--fast"], "gpus": 0.25}}
     driver = {"name": "onnx", "parameters": {"model": "p.onnx", "engine": "m.png"}}
     scenario = {"simulator": simulator, "driver": driver, "perturbations": [applied]}
@@ -780,6 +788,11 @@ def test_paths_in_a_job_are_found_by_descriptions():
         '["scenario", "perturbations", 0, "where", "by", "parameters", "model"]',
     ]
     assert needed == 0.25
+    steps, _ = found({"drive": {"scenario": {**scenario, "perturbations": masked}, "name": "x", "trace": "/runs/x.mcap"}})
+    assert steps[-2:] == [
+        '["scenario", "perturbations", 0, "where", "mask", "name"]',
+        '["scenario", "perturbations", 1, "where", "mask", "parameters", "model"]',
+    ]
     assert found({"make": {"kind": "driver", "component": driver}}) == (['["component", "parameters", "model"]'], 0)
     dataset = {"name": "tub", "parameters": {"path": "data"}}
     frames = {"dataset": dataset, "driver": driver, "perturbation": applied, "seed": 0, "sequence": 0, "from": 0, "start": 0, "end": 9}

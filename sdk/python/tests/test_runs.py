@@ -104,6 +104,23 @@ def test_outcomes_come_as_they_are_done_and_each_once(tmp_path):
         session.submit()
 
 
+def test_a_ticket_is_pending_until_its_outcome_is_taken(tmp_path):
+    with pdk.Session(**{**SHARED, "duration": 0.1}, out=tmp_path / "out") as session:
+        first, second = (session.submit(seed=seed) for seed in (1, 2))
+        assert session.pending == 2
+        outcome = session.wait(first)
+        assert session.pending == 1
+        # Again, and one that there is not.
+        for ticket in (first, 99, -1, None, "1"):
+            try:
+                assert session.wait(ticket) == outcome and ticket == first
+            except pdk.Error:
+                assert ticket != first
+            assert session.pending == 1
+        assert session.next()["ticket"] == second and session.pending == 0
+        assert session.next() is None and session.pending == 0
+
+
 def test_a_session_goes_on_where_an_earlier_one_ended(tmp_path):
     for _ in range(2):
         progress = []

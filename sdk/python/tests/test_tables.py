@@ -1,11 +1,13 @@
 """Records as Parquet and in MLflow: what was written is read by the programs that people read it with."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 import pdk_perturb as pdk
 from pdk_perturb import mlflow as logger
+from pdk_perturb import parquet as writer
 
 PIPELINE = """
 local scenarios = {}
@@ -93,6 +95,20 @@ def test_offline_results_are_a_table(offline, tmp_path):
     assert len(rows) == len(lines) == 80
     assert [row["perturbed.steering"] for row in rows] == [line["perturbed"]["steering"] for line in lines]
     assert {row["level"] for row in rows} == {1.0, 2.5}
+
+
+def test_a_column_may_have_its_first_text_late(tmp_path, monkeypatch):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is missing; `pip install pyarrow`")
+    monkeypatch.setattr(writer, "LINES", 2)
+    lines = [{"frame": 0, "label": 3}, {"frame": 1}, {"frame": 2, "label": None}, {"frame": 3.5, "label": "car"}, {"frame": 4, "more": [1]}]
+    (tmp_path / "results.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines) + '{"frame": 5')
+    (file,) = writer.write(SimpleNamespace(path=tmp_path), tmp_path / "out")
+    columns = parquet.read_table(file).to_pydict()
+    assert columns == {
+        "frame": [0.0, 1.0, 2.0, 3.5, 4.0],
+        "label": ["3", None, None, "car", None],
+        "more": [None, None, None, None, "[1]"],
+    }
 
 
 def test_a_record_without_results_is_named(tmp_path):

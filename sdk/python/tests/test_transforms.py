@@ -1,6 +1,8 @@
 """Transforms: draws by seed, epoch and sample alone. What needs torch, torchvision or albumentations is skipped without them."""
 
+import copy
 import hashlib
+import pickle
 
 import numpy
 import pytest
@@ -133,6 +135,19 @@ def test_tensors_come_back_as_they_came(image):
     assert out.dtype == torch.float32 and numpy.array_equal((out * 255).round().byte().permute(1, 2, 0).numpy(), expected)
 
 
+def test_tensors_that_are_not_images_are_refused(image):
+    torch = pytest.importorskip("torch")
+    whole = torch.from_numpy(image).permute(2, 0, 1)
+    share = whole.double() / 255
+    for wrong in (whole.long(), whole > 9):
+        with pytest.raises(ValueError, match=f"a tensor of {wrong.dtype} is not an image; give one of torch.uint8"):
+            Transform("contrast@2")(wrong)
+    for wrong in (whole.float(), share - 0.5, share * float("nan"), share.where(share < 0.9, float("inf"))):
+        with pytest.raises(ValueError, match="divide it by 255"):
+            Transform("contrast@2")(wrong)
+    assert Transform("contrast@2")(share).dtype == torch.float64
+
+
 def test_it_stands_in_a_pipeline_of_albumentations(image):
     albumentations = pytest.importorskip("albumentations")
     transform = Transform("contrast@2")
@@ -168,6 +183,16 @@ def test_an_indexed_dataset_is_that_dataset(image):
     assert len(set(hashes)) > 6
     dataset.set_epoch(1)
     assert [hash for _, hash in dataset] != hashes
+
+
+def test_copies_draw_the_same_and_have_epochs_of_their_own(image):
+    dataset = Indexed(Frames(Transform(NOISE, level=(0, 4), seed=1)))
+    dataset.set_epoch(2)
+    expected = list(dataset)
+    for copied in (copy.deepcopy(dataset), pickle.loads(pickle.dumps(dataset))):
+        assert list(copied) == expected
+        copied.set_epoch(3)
+        assert list(copied) != expected and list(dataset) == expected
 
 
 @pytest.mark.parametrize("indexed", [True, False])
