@@ -52,7 +52,9 @@ impl Attended {
     /// If the method fails.
     pub fn look(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<(&[f32], EarlierMaps<'_>)> {
         let turn = self.turns.of(raw, moment);
-        let now = self.maps.of(raw, moment, turn)?;
+        let turns = &mut self.turns;
+        // The frames that would have shared a map that failed have none.
+        let now = self.maps.of(raw, moment, turn).inspect_err(|_| turns.begin_again())?;
         let (width, height) = (raw.width(), raw.height());
         let columns = COLUMNS.min(width);
         let size = [columns, (height * columns / width).clamp(1, height)];

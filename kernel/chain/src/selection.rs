@@ -5,7 +5,7 @@ use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
-use crate::maps::{Maps, Turns, context};
+use crate::maps::{Maps, Turn, Turns, context};
 use crate::moment::{Labels, Moment};
 use pdk_components::held::Held;
 use pdk_components::registry::Registry;
@@ -92,42 +92,51 @@ impl Selector {
     pub fn weights(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<&[u8]> {
         let turn = self.turns.of(raw, moment);
         // What follows the image is chosen again, so that it is as many pixels as before.
-        if turn.new || turn.moved != [0, 0] {
-            let (width, height) = (raw.width(), raw.height());
-            let pixels = width * height;
-            let Self { selection, source, key, weights, edges, scratch, .. } = self;
-            weights.clear();
-            match source {
-                Source::Maps(maps) => {
-                    choose(selection, maps.of(raw, moment, turn)?, key, turn.period, scratch, weights);
-                }
-                Source::Chance => {
-                    let mut nothing = std::mem::take(&mut scratch.values);
-                    nothing.clear();
-                    nothing.resize(pixels, 0.0);
-                    choose(selection, &nothing, key, turn.period, scratch, weights);
-                    scratch.values = nothing;
-                }
-                // What labels and masks say of the frame at hand is never moved: there is no need to.
-                Source::Labels => labelled(&selection.label, moment.labels, pixels, weights)?,
-                Source::Depth => between(selection.choice(), moment.depth, pixels, weights)?,
-                Source::Mask(mask) => {
-                    let values = &mut scratch.values;
-                    values.clear();
-                    values.resize(pixels, 0.0);
-                    let cx = context(moment, key);
-                    mask.call(Function::Weights, Some(moment.frame_index), |mask| {
-                        mask.weights(raw, &cx, HeatmapMut::new(values, width, height)?)
-                    })?;
-                    // What is not a number becomes 0.
-                    weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
-                }
-            }
-            let &mut Selection { close, smallest, soft, .. } = selection;
-            let [close, smallest, soft] = [close, smallest, soft].map(|pixels| pixels as usize);
-            edges.treat(weights, (width, height), Treatment { close, smallest, soft });
+        if (turn.new || turn.moved != [0, 0])
+            && let Err(error) = self.choose(raw, moment, turn)
+        {
+            // The frames that would have shared it have none.
+            self.turns.begin_again();
+            return Err(error);
         }
         Ok(&self.weights)
+    }
+
+    fn choose(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<()> {
+        let (width, height) = (raw.width(), raw.height());
+        let pixels = width * height;
+        let Self { selection, source, key, weights, edges, scratch, .. } = self;
+        weights.clear();
+        match source {
+            Source::Maps(maps) => {
+                choose(selection, maps.of(raw, moment, turn)?, key, turn.period, scratch, weights);
+            }
+            Source::Chance => {
+                let mut nothing = std::mem::take(&mut scratch.values);
+                nothing.clear();
+                nothing.resize(pixels, 0.0);
+                choose(selection, &nothing, key, turn.period, scratch, weights);
+                scratch.values = nothing;
+            }
+            // What labels and masks say of the frame at hand is never moved: there is no need to.
+            Source::Labels => labelled(&selection.label, moment.labels, pixels, weights)?,
+            Source::Depth => between(selection.choice(), moment.depth, pixels, weights)?,
+            Source::Mask(mask) => {
+                let values = &mut scratch.values;
+                values.clear();
+                values.resize(pixels, 0.0);
+                let cx = context(moment, key);
+                mask.call(Function::Weights, Some(moment.frame_index), |mask| {
+                    mask.weights(raw, &cx, HeatmapMut::new(values, width, height)?)
+                })?;
+                // What is not a number becomes 0.
+                weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
+            }
+        }
+        let &mut Selection { close, smallest, soft, .. } = selection;
+        let [close, smallest, soft] = [close, smallest, soft].map(|pixels| pixels as usize);
+        edges.treat(weights, (width, height), Treatment { close, smallest, soft });
+        Ok(())
     }
 
     /// What a user should know about the maps that were made.
