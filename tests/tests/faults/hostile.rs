@@ -149,6 +149,17 @@ fn nothing_that_a_terminal_would_obey_is_written_to_it() {
 }
 
 #[test]
+fn json_has_nothing_that_a_terminal_would_obey_and_stays_json() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    let name = "\u{7f}\u{9b}3J\u{202e}.png";
+    let perturb = Pdk::new(["perturb", "in.png", "--with", "contrast@1", "--json", "-o", name]);
+    let finished = perturb.folder(folder.path()).succeed();
+    assert_eq!(finished.json()["outputs"][0], name);
+    assert!(!finished.stdout.contains(['\u{7f}', '\u{9b}', '\u{202e}']), "{:?}", finished.stdout);
+}
+
+#[test]
 #[ignore = "long: .ci/run runs it"]
 fn a_damaged_library_is_refused_by_name_and_the_others_are_there() {
     let folder = temp();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pdk_tests::process::pipeline;
-use pdk_tests::{Finished, Pdk, built, temp};
+use pdk_tests::{Finished, Pdk, built, pictures, temp};
 
 const DRIVE: &str =
     "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.5, scenarios = { {} } })";
@@ -37,6 +37,18 @@ fn too_few_open_files_are_reported_as_such() {
         }
     }
     assert!(said >= 3, "{said}");
+}
+
+#[test]
+fn a_verb_whose_component_takes_too_much_memory_names_the_option() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    let perturb = ["perturb", "in.png", "--with", "misbehave@0,how=eat_memory", "-o", "out.png"];
+    let perturb = Pdk::new(perturb).args(["--memory", "300"]).misbehave().folder(folder.path());
+    perturb.fail(
+        70,
+        &["`misbehave", "took more than 300 MiB of memory (the limit is raised with --memory MIB)"],
+    );
 }
 
 #[test]

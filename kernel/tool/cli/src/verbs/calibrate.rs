@@ -21,6 +21,7 @@ use pdk_terminal::table::table;
 
 use super::saliency::frames::Frames;
 use super::{Global, check_writable, print_json};
+use crate::supervised::Memory;
 
 /// Arguments of `pdk calibrate`
 #[derive(clap::Args)]
@@ -49,6 +50,8 @@ pub struct Arguments {
     /// The seed that all random numbers come from
     #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// A frame has at most this many rows, as it has at most this many columns.

@@ -3,11 +3,11 @@
 
 mod script;
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pdk_components::loader::Plugin;
 use pdk_model::text::parse_value;
@@ -18,6 +18,7 @@ use pdk_sdk::describe::Description;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::suggest;
 use pdk_sdk::testing;
+use pdk_supervise::supervisor::LOOK;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
@@ -133,22 +134,40 @@ fn observe(
             Err(mpsc::RecvTimeoutError::Disconnected) => break false,
         }
     };
-    if hung {
-        child.kill().place("cannot end the process of the plugin")?;
-    }
-    let status = child.wait().place("cannot wait for the process of the plugin")?;
-    match (hung, current == LEAVING && status.success()) {
-        (false, true) => return Ok(None),
-        (true, _) => {
-            findings.add(&current, Some(format!("it has not come back for {} s", patience.as_secs_f64())))
+    // A plugin that closes standard output ends the reports, but not its process.
+    let status = match hung {
+        true => None,
+        false => ended_within(&mut child, patience).place("cannot wait for the process of the plugin")?,
+    };
+    match status {
+        Some(status) if current == LEAVING && status.success() => return Ok(None),
+        Some(status) => findings.add(&current, Some(format!("the plugin ended the process ({status})"))),
+        None => {
+            child.kill().place("cannot end the process of the plugin")?;
+            child.wait().place("cannot wait for the process of the plugin")?;
+            findings.add(&current, Some(format!("it has not come back for {} s", patience.as_secs_f64())));
         }
-        (false, false) => findings.add(&current, Some(format!("the plugin ended the process ({status})"))),
     }
     Ok((current != LOADING && current != LEAVING).then_some(began))
 }
 
+/// How a process ended; none if it goes on for longer than this.
+fn ended_within(child: &mut Child, longest: Duration) -> io::Result<Option<ExitStatus>> {
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        if begin.elapsed() >= longest {
+            return Ok(None);
+        }
+        // As a rule it ends right after its output.
+        std::thread::sleep((begin.elapsed() / 20).clamp(Duration::from_millis(1), LOOK));
+    }
+}
+
 /// Reads the reports on a thread, so that waiting for them can end.
-fn read_reports(child: &mut std::process::Child) -> Result<mpsc::Receiver<Report>> {
+fn read_reports(child: &mut Child) -> Result<mpsc::Receiver<Report>> {
     let stdout = child.stdout.take().ok_or_else(|| Error::new("the process of the plugin has no output"))?;
     let (sender, reports) = mpsc::channel();
     std::thread::spawn(move || {
@@ -329,5 +348,26 @@ fn outside(description: &Description, checked: Result<()>) -> Result<()> {
             Ok(())
         }
         checked => checked,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_closes_its_output_and_goes_on_is_not_waited_for() {
+        let start = |script: &str| {
+            let mut command = Command::new("sh");
+            command.args(["-c", script]).stdout(Stdio::piped()).spawn().unwrap()
+        };
+        let mut going_on = start("exec >&-; exec sleep 1000");
+        let reports = read_reports(&mut going_on).unwrap();
+        assert!(reports.recv().is_err());
+        assert_eq!(ended_within(&mut going_on, Duration::from_millis(50)).unwrap(), None);
+        going_on.kill().unwrap();
+        going_on.wait().unwrap();
+        let ended = ended_within(&mut start("exit 3"), Duration::from_secs(60)).unwrap();
+        assert_eq!(ended.and_then(|status| status.code()), Some(3));
     }
 }

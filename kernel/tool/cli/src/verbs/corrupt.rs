@@ -14,6 +14,7 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
 use super::{Global, check_folder, print_json};
+use crate::supervised::Memory;
 
 /// Arguments of `pdk corrupt`
 #[derive(clap::Args)]
@@ -71,6 +72,8 @@ pub struct Arguments {
     /// How many files are done at a time [default: one for each processor]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=40))]
     workers: Option<u32>,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 #[derive(Clone, Copy, ValueEnum)]

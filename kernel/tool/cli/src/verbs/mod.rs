@@ -11,7 +11,6 @@ use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_notice::eprintln;
-use pdk_notice::println;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::connection::Pool;
 use pdk_session::interrupt;
@@ -19,6 +18,7 @@ use pdk_session::session::{Options, Session};
 use pdk_supervise::calls;
 use pdk_supervise::supervisor::Limits;
 
+use crate::supervised::Memory;
 use crate::{memory, supervised};
 
 mod attack;
@@ -233,6 +233,20 @@ impl Verb {
             Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
         }
     }
+
+    /// How much memory its process may take, if it has the option.
+    fn memory(&self) -> Option<Memory> {
+        match self {
+            Verb::Perturb(arguments) => Some(arguments.memory),
+            Verb::Corrupt(arguments) => Some(arguments.memory),
+            Verb::Preview(arguments) => Some(arguments.memory),
+            Verb::Calibrate(arguments) => Some(arguments.memory),
+            Verb::Saliency(arguments) => Some(arguments.memory),
+            Verb::Sensitivity(arguments) => Some(arguments.memory),
+            Verb::Attack(arguments) => Some(arguments.memory()),
+            _ => None,
+        }
+    }
 }
 
 /// Runs the verb on the command line.
@@ -246,7 +260,7 @@ pub fn main() -> ExitCode {
     CompleteEnv::with_factory(command).var(completions::VARIABLE).complete();
     let cli = parsed();
     if cli.verb.calls_components() && !calls::supervised() {
-        return supervised::run().unwrap_or_else(|error| failed(&error));
+        return supervised::run(cli.verb.memory()).unwrap_or_else(|error| failed(&error));
     }
     let Cli { global, verb } = &cli;
     // What a verb found out may be a no, which is not an error.
@@ -368,6 +382,6 @@ fn numbered(name: &str, before: usize) -> String {
 
 /// Writes a JSON value to standard output.
 fn print_json(value: &serde_json::Value) -> Result<()> {
-    println!("{}", serde_json::to_string_pretty(value)?);
+    pdk_notice::json(&serde_json::to_string_pretty(value)?);
     Ok(())
 }

@@ -14,6 +14,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
 use super::{Global, check_folder, print_json};
+use crate::supervised::Memory;
 
 /// Arguments of `pdk preview`
 #[derive(clap::Args)]
@@ -47,6 +48,8 @@ pub struct Arguments {
     /// The seed that all random numbers come from
     #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// The level at which dynamic perturbations are shown over time.

@@ -23,12 +23,13 @@ use pdk_sensitivity::plot;
 use pdk_sensitivity::rehearsal::{Driven, Rehearsal};
 use pdk_session::connection::Pool;
 use pdk_session::session::Session;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_supervise::supervisor::{DEFAULT_PATIENCE, Limits};
 use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
 use super::recorded::{self, Chosen, Driving};
 use super::{Global, numbered, print_json};
+use crate::supervised::Memory;
 
 /// The pipeline with the smallest change.
 const LEAST: &str = "least.lua";
@@ -53,6 +54,8 @@ pub struct Arguments {
     /// they are listed, and nothing of the record is run
     #[arg(long)]
     trust: bool,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// The smallest change that was searched for.
@@ -66,7 +69,7 @@ struct Least {
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     arguments.output.as_deref().map_or(Ok(()), super::check_folder)?;
     let Chosen { record, scenario } = &arguments.chosen;
-    let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
+    let limits = Limits { patience: DEFAULT_PATIENCE, memory: arguments.memory.of_worker() };
     let driving =
         Driving { verb: "sensitivity", record, pool: Pool::Here(1), limits, trust: arguments.trust };
     let (replay, mut session, search) = recorded::open(global, scenario, driving, "come out differently")?;

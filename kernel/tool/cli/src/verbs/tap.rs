@@ -64,7 +64,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         };
         received += 1;
         match global.json {
-            true => println!("{}", told(&tap, &message)),
+            true => pdk_notice::json(&told(&tap, &message).to_string()),
             false => print(&tap, &message),
         }
         if let (Message::Frame(frame), Some(path)) = (&message, &arguments.save) {

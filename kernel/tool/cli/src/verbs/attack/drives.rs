@@ -20,7 +20,7 @@ use pdk_sensitivity::momentum::Momentum;
 use pdk_sensitivity::picture::{left_to, mean_error, slopes};
 use pdk_sensitivity::rehearsal::{Driven, Rehearsal};
 use pdk_session::connection::Pool;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_supervise::supervisor::{DEFAULT_PATIENCE, Limits};
 use pdk_terminal::table::table;
 use serde_json::json;
 use tempfile::NamedTempFile;
@@ -55,6 +55,8 @@ pub struct Arguments {
     /// they are listed, and nothing of the record is run
     #[arg(long)]
     trust: bool,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 const AFTER: &str = "The last perturbation of frames in each drive has to show the same picture, such as a patch on the road. The training begins with that picture. A step takes about \
@@ -106,7 +108,7 @@ impl Came {
 /// Trains the picture, writes it, and shows what becomes of the drives.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Arguments { record, scenarios, output, goal, trust, .. } = arguments;
-    let limits = Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY };
+    let limits = Limits { patience: DEFAULT_PATIENCE, memory: arguments.memory.of_worker() };
     let replay = Replay::open(record, scenarios)?;
     check_output(&replay, output)?;
     let driving = Driving { verb: "attack", record, pool: Pool::Here(1), limits, trust: *trust };

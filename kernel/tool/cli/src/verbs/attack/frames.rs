@@ -17,6 +17,7 @@ use serde_json::json;
 use super::artwork::{Artwork, Road};
 use super::training::{Measured, Training};
 use super::{Goal, Shown};
+use crate::supervised::Memory;
 use crate::verbs::perturb::check_output;
 use crate::verbs::saliency::frames::Frames;
 use crate::verbs::{Global, print_json};
@@ -27,7 +28,7 @@ const HELD_BACK: usize = 4;
 /// What every training on frames takes
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The image, a folder of images, the record of a run with images, or the folder of a dataset
+    /// A folder of images, the record of a run with images, or the folder of a dataset
     frames: PathBuf,
     /// The driver that is attacked, which runs a network, with its parameters
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
@@ -50,12 +51,14 @@ pub struct Arguments {
     /// At most this many frames, spread evenly
     #[arg(long, value_name = "N", default_value_t = 200)]
     count: usize,
-    /// The speed for a network with a speed input, in metres per second; frames of a record have their own
+    /// The speed for a network with a speed input, in metres per second; frames of a record have their own, and those of a dataset if it was recorded
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
     /// The seed that all random numbers come from
     #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// Arguments of `pdk attack patch`
@@ -63,7 +66,7 @@ pub struct Arguments {
 #[command(after_help = AFTER)]
 pub struct Patch {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     /// Width and height of the patch in pixels
     #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u16).range(2..=1024))]
     pixels: u16,
@@ -76,7 +79,7 @@ pub struct Patch {
 #[command(after_help = AFTER)]
 pub struct Universal {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     /// The largest change of a value of the frame, of 255
     #[arg(long, default_value_t = 8.0)]
     epsilon: f64,
@@ -149,7 +152,7 @@ fn under(registry: &Registry, arguments: &Arguments) -> Result<Vec<Chain>> {
     arguments.under.iter().map(chain).collect()
 }
 
-/// The frames to train on, and those that are held back; of a single one, both are that one.
+/// The frames to train on, and those that are held back.
 fn frames(registry: &Registry, arguments: &Arguments) -> Result<(Vec<Shown>, Vec<Shown>)> {
     let mut frames = Frames::open(registry, &arguments.frames, Some(arguments.count))?;
     let (mut trained, mut held_back) = (Vec::new(), Vec::new());

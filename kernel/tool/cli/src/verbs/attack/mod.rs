@@ -11,6 +11,7 @@ use pdk_sdk::error::Result;
 
 use super::Global;
 use super::saliency::shown::Shown;
+use crate::supervised::Memory;
 
 /// Arguments of `pdk attack`
 #[derive(clap::Args)]
@@ -50,6 +51,17 @@ impl Goal {
         match self {
             Self::Left => "left",
             Self::Right => "right",
+        }
+    }
+}
+
+impl Arguments {
+    /// How much memory the verb may take.
+    pub fn memory(&self) -> Memory {
+        match &self.kind {
+            Kind::Patch(patch) => patch.arguments.memory,
+            Kind::Universal(universal) => universal.arguments.memory,
+            Kind::Drives(arguments) => arguments.memory,
         }
     }
 }

@@ -24,6 +24,9 @@ const FROM_ELSEWHERE: [(&str, &str); 2] = [
     ("libm::", r#"libm = "0.2""#),
 ];
 
+/// The types that `pdk_sdk::export!` names, which an own type of the same name would stand in for.
+const OF_EXPORT: [&str; 5] = ["Components", "Exported", "LibHeader", "Package", "Registration"];
+
 /// Arguments of `pdk new`
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -149,7 +152,7 @@ fn filled(template: &str, name: &str) -> String {
 
 /// Writes a file from a template; never over one that is there.
 fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
-    let text = filled(template, &arguments.name).replace("{{type}}", &type_name(&arguments.name));
+    let text = filled(template, &arguments.name).replace("{{type}}", &type_name(&arguments.name, template));
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }
@@ -174,8 +177,8 @@ fn sdk_folder(arguments: &Arguments) -> Result<PathBuf> {
     }
 }
 
-/// `salt_spray` as a type: `SaltSpray`.
-fn type_name(name: &str) -> String {
+/// `salt_spray` as a type: `SaltSpray`. A name that the source has for something else, such as `Driver`, becomes `MyDriver`.
+fn type_name(name: &str, source: &str) -> String {
     let capital = |word: &str| {
         let mut letters = word.chars();
         letters
@@ -183,9 +186,54 @@ fn type_name(name: &str) -> String {
             .map(|first| first.to_ascii_uppercase().to_string() + letters.as_str())
             .unwrap_or_default()
     };
-    name.split('_').map(capital).collect()
+    let name: String = name.split('_').map(capital).collect();
+    match words(source).chain(OF_EXPORT).any(|word| word == name) {
+        true => format!("My{name}"),
+        false => name,
+    }
+}
+
+fn words(source: &str) -> impl Iterator<Item = &str> {
+    source.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')
 }
 
 fn shown(folder: &Path) -> String {
     if folder.as_os_str().is_empty() { ".".to_owned() } else { folder.display().to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_type_of_a_component_is_not_one_that_its_source_names() {
+        for (what, name, expected) in [
+            (What::Driver, "driver", "MyDriver"),
+            (What::Driver, "self", "MySelf"),
+            (What::Simulator, "state", "MyState"),
+            (What::Simulator, "frame_mut", "MyFrameMut"),
+            (What::Dataset, "row", "MyRow"),
+            (What::Search, "option", "MyOption"),
+            (What::Adapter, "value", "MyValue"),
+            (What::Perturbation, "package", "MyPackage"),
+            (What::Perturbation, "salt_spray", "SaltSpray"),
+        ] {
+            assert_eq!(type_name(name, what.package().unwrap().source), expected);
+        }
+    }
+
+    #[test]
+    fn the_types_that_the_macro_names_are_known() {
+        let source = include_str!("../../../../../../sdk/pdk-sdk/src/export.rs");
+        let (_, code) = source.split_once("macro_rules! export").unwrap();
+        let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let is_type = |word: &&str| {
+            word.starts_with(|c: char| c.is_ascii_uppercase())
+                && word.contains(|c: char| c.is_ascii_lowercase())
+        };
+        let mut types: Vec<&str> = lines.flat_map(words).filter(is_type).collect();
+        types.sort_unstable();
+        types.dedup();
+        assert_eq!(types, OF_EXPORT);
+    }
 }

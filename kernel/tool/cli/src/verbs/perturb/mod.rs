@@ -15,6 +15,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
 
 use super::Global;
+use crate::supervised::Memory;
 
 /// Arguments of `pdk perturb`
 #[derive(clap::Args)]
@@ -40,6 +41,8 @@ pub struct Arguments {
     /// The simulation time that the images stand for, or the first frame of the video, in seconds
     #[arg(long, default_value_t = 0.0)]
     time: f64,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// The furthest time in seconds: over 30 years, and still exact to less than a frame.

@@ -84,7 +84,9 @@ impl Frames {
             Self::Dataset(dataset, place, frames) => {
                 let (name, at) = frames[index].clone();
                 let entry = calls::call_at(place, Function::Read, at as u64, || dataset.read(at))?;
-                Ok(Shown::image(name, entry.frame))
+                // What was not recorded is not a number.
+                let speed = entry.speed.is_finite().then_some(entry.speed);
+                Ok(Shown { speed, ..Shown::image(name, entry.frame) })
             }
         }
     }
@@ -143,7 +145,36 @@ fn spread(length: usize, count: Option<usize>) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use pdk_sdk::prelude::{Entry, FrameBuf};
+
     use super::*;
+
+    /// A recording of one frame, with this speed.
+    struct Recording(f64);
+
+    impl Dataset for Recording {
+        fn len(&self) -> usize {
+            1
+        }
+
+        fn name(&self, _index: usize) -> String {
+            "0.png".to_owned()
+        }
+
+        fn read(&mut self, _index: usize) -> Result<Entry> {
+            Ok(Entry { frame: FrameBuf::new(4, 3), speed: self.0, ..Entry::default() })
+        }
+    }
+
+    #[test]
+    fn a_frame_of_a_dataset_has_the_speed_that_was_recorded() {
+        let speed = |recorded| {
+            let frames = vec![("0".to_owned(), 0)];
+            let mut frames = Frames::Dataset(Box::new(Recording(recorded)), "dataset".to_owned(), frames);
+            frames.read(0).unwrap().speed
+        };
+        assert_eq!((speed(7.9), speed(f64::NAN)), (Some(7.9), None));
+    }
 
     #[test]
     fn a_folder_of_images_is_one_only_without_records() {

@@ -27,6 +27,7 @@ use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
 
 use super::{Global, numbered, print_json};
+use crate::supervised::Memory;
 use frames::Frames;
 use shown::Shown;
 
@@ -54,7 +55,7 @@ pub struct Arguments {
     /// --of`, such as scores[17] for a class or boxes[0,4,*] for the greatest of a row
     #[arg(long, value_name = "NUMBER", default_value = STEERING, value_parser = clap::builder::NonEmptyStringValueParser::new())]
     explain: String,
-    /// The speed for a network with a speed input, in metres per second; frames of a record have their own
+    /// The speed for a network with a speed input, in metres per second; frames of a record have their own, and those of a dataset if it was recorded
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
     /// Only this many frames of a folder, spread evenly over it
@@ -67,6 +68,8 @@ pub struct Arguments {
     /// The seed that all random numbers come from
     #[arg(long, value_parser = parse_seed, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
+    #[command(flatten)]
+    pub memory: Memory,
 }
 
 /// A method that is ready.
