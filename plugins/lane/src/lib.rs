@@ -57,6 +57,8 @@ mod frame_times;
 mod pictures;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod view_tests;
 
 pdk_sdk::export! {
     simulators: [simulator::Lane],

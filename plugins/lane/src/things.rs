@@ -14,6 +14,8 @@ use crate::terrain::Terrain;
 
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;
+/// Neither is what is nearer than this.
+const NEAREST: f64 = 0.5;
 /// A vehicle is drawn as slices from its far end to its near one: this many for each pixel that a metre takes there, and
 /// at most this many.
 const SLICES_PER_SCALE: f64 = 0.8;
@@ -98,8 +100,10 @@ impl Eye<'_> {
         let (height, bottom) = self.terrain.at(ahead);
         let [x, foot, scale] = self.projection.project(right, ahead, height)?;
         let [width, tall] = size.map(|s| s * scale);
-        let air = 1.0 - libm::exp(-ahead / light.visibility);
-        let lit = light.on_things(right as f32, ahead as f32) * reflectors;
+        // A camera that looks down sees a little of what is beside it.
+        let away = ahead.max(0.0);
+        let air = 1.0 - libm::exp(-away / light.visibility);
+        let lit = light.on_things(right as f32, away as f32) * reflectors;
         let placement = Placement {
             left: (x - width / 2.0) as f32,
             top: (foot - tall) as f32,
@@ -160,19 +164,30 @@ impl Things {
         let half_view = eye.projection.centre_x / eye.projection.focal;
         let objects = &eye.scene.objects;
         self.visible.clear();
-        let mut consider = |at: [f64; 2], width: f64, order: usize, thing: Thing| {
-            let (right, ahead) = eye.relative(at);
-            let in_view = right.abs() - width < half_view * ahead + 1.0;
-            if ahead > 0.5 && ahead < FARTHEST_OBJECT && in_view {
-                self.visible.push((ahead, order, thing));
-            }
+        // Behind the camera, to the left of what it sees, or to the right.
+        let outside = |(right, ahead): (f64, f64), width: f64| {
+            let edge = half_view * ahead + 1.0 + width;
+            [ahead <= NEAREST, right <= -edge, right >= edge]
         };
         for (i, object) in objects.iter().enumerate() {
-            consider(object.at, object.size[0], i, Thing::Object(i));
+            let at = eye.relative(object.at);
+            if at.1 < FARTHEST_OBJECT && outside(at, object.size[0]) == [false; 3] {
+                self.visible.push((at.1, i, Thing::Object(i)));
+            }
         }
         for (i, shown) in vehicles.enumerate() {
-            let at = eye.path.beside(shown.seen.along, shown.seen.lateral);
-            consider(at, traffic::SIZE[0], objects.len() + i, Thing::Vehicle(shown));
+            let [width, _, length] = traffic::SIZE;
+            let end = |along: f64| eye.relative(eye.path.beside(along, shown.seen.lateral));
+            let at = end(shown.seen.along);
+            let near = outside(at, width);
+            // Until all of it is on one side of what the camera sees, a part of it shows.
+            let in_view = near == [false; 3] || {
+                let far = outside(end(shown.seen.along + length), width);
+                near.iter().zip(far).all(|(near, far)| !(*near && far))
+            };
+            if at.1 < FARTHEST_OBJECT && in_view {
+                self.visible.push((at.1, objects.len() + i, Thing::Vehicle(shown)));
+            }
         }
         self.visible.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for &(_, _, thing) in &self.visible {
@@ -245,8 +260,9 @@ impl Things {
         let [width, height, length] = traffic::SIZE;
         let place = |along: f64| eye.relative(eye.path.beside(along, seen.lateral));
         let placed = |at: (f64, f64)| eye.placement(at, [width, height], seen.tint, 1.0);
-        let Some((_, scale)) = placed(place(seen.along)) else { return };
-        let slices = (scale * SLICES_PER_SCALE).clamp(2.0, MOST_SLICES) as usize;
+        // As many as possible if its near end is too close to the lens, or behind it.
+        let wanted = placed(place(seen.along)).map_or(MOST_SLICES, |(_, scale)| scale * SLICES_PER_SCALE);
+        let slices = wanted.clamp(2.0, MOST_SLICES) as usize;
         for share in [0.85, 0.5, 0.15] {
             let at = place(seen.along + length * share);
             if let Some((placement, _)) = placed(at) {
@@ -257,7 +273,7 @@ impl Things {
             // From the far end to the near one; the same picture behind itself looks solid in bends.
             let share = |slice: usize| slice as f64 / slices as f64;
             let along = seen.along + length * share(slice);
-            let Some((placement, scale)) = placed(place(along)) else { return };
+            let Some((placement, scale)) = placed(place(along)) else { continue };
             let on_axle = AXLES.iter().any(|axle| (share(slice)..share(slice + 1)).contains(axle));
             let picture = match (slice == 0, slice == slices) {
                 (false, false) if on_axle => &self.pictures.axle,

@@ -81,7 +81,7 @@ struct Drive {
 impl Component for Lane {
     fn description() -> Description {
         let description = Description::simulator("lane", "The embedded simulator: a two-lane road through countryside; nothing to install")
-            .version(3)
+            .version(4)
             .camera([320, 160], 1.0..=4096.0)
             .mounting(MOUNTING, 0.3..=4.0, -10.0..=25.0)
             .parameter(
