@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use pdk_model::error::{Error, Place, Result};
 use sha2::{Digest, Sha256};
 
-use crate::project::Project;
+use crate::project::{Project, Target};
 use crate::{Profile, materials};
 
 const CHANGES: &str = "CHANGELOG.md";
@@ -44,7 +44,7 @@ fn section(text: &str, version: &str) -> Option<String> {
     (!found.is_empty()).then_some(found + "\n")
 }
 
-/// Puts the packages into the folder of the release, with notes, bill of materials and checksums, and returns the folder.
+/// Puts the packages into the folder of the release in the place of earlier ones for the same system, with notes, bill of materials and checksums, and returns the folder.
 ///
 /// # Errors
 /// If a file cannot be read or written.
@@ -52,6 +52,7 @@ pub fn collect(project: &Project, packages: &[PathBuf], notes: &str) -> Result<P
     let version = &project.executable()?.version;
     let folder = project.out().join(format!("release-{version}"));
     fs::create_dir_all(&folder).place(folder.display())?;
+    remove(&folder, project.target())?;
     for package in packages {
         let to = folder.join(package.file_name().unwrap_or_default());
         fs::copy(package, &to).place(to.display())?;
@@ -64,6 +65,22 @@ pub fn collect(project: &Project, packages: &[PathBuf], notes: &str) -> Result<P
     write(&format!("{}.cdx.json", project.title()?), &materials::bill(project)?)?;
     write(CHECKSUMS, &checksums(&folder)?)?;
     Ok(folder)
+}
+
+/// Removes the packages for a system. An earlier build may have given them other names, as maturin does for wheels.
+fn remove(folder: &Path, target: Target) -> Result<()> {
+    for entry in fs::read_dir(folder).place(folder.display())? {
+        let entry = entry.place(folder.display())?;
+        if is_for(&entry.file_name().to_string_lossy(), target) {
+            fs::remove_file(entry.path()).place(entry.path().display())?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether the name of a package says that it is for this system.
+fn is_for(name: &str, target: Target) -> bool {
+    name.contains(target.machine()) || name.ends_with(&format!("_{}.deb", target.debian()))
 }
 
 /// The hashes of all files in a folder, as `sha256sum --check` reads them.
@@ -91,7 +108,6 @@ fn checksums(folder: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::project::Target;
 
     /// `cargo publish --workspace` uploads every package that does not refuse it.
     #[test]
@@ -118,6 +134,28 @@ mod tests {
         assert_eq!(section(text, "0.1.0").unwrap(), "- first\n");
         assert_eq!(section(text, "0.1"), None);
         assert_eq!(section(text, UNRELEASED), None, "it is empty");
+    }
+
+    #[test]
+    fn packages_for_the_same_system_are_replaced_and_others_are_kept() {
+        let folder = std::env::temp_dir().join(format!("pdk-release-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let replaced = [
+            "pdk-0.1.0-x86_64-linux.tar.xz",
+            "pdk-0.1.0-x86_64-linux.cdx.json",
+            "pdk_0.1.0_amd64.deb",
+            "pdk_perturb-0.1.0-cp310-abi3-linux_x86_64.whl",
+            "pdk_perturb-0.1.0-cp310-abi3-manylinux_2_28_x86_64.whl",
+        ];
+        let kept =
+            ["NOTES.md", "pdk_0.1.0_arm64.deb", "pdk_perturb-0.1.0-cp310-abi3-manylinux_2_28_aarch64.whl"];
+        for name in replaced.iter().chain(&kept) {
+            fs::write(folder.join(name), "").unwrap();
+        }
+        remove(&folder, Target::X86).unwrap();
+        assert!(replaced.iter().all(|name| !folder.join(name).exists()));
+        assert!(kept.iter().all(|name| folder.join(name).exists()));
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -4,7 +4,7 @@
 
 use std::fs::{self, File};
 use std::io::BufWriter;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use flate2::Compression;
@@ -14,6 +14,7 @@ use tar::{Builder, Header, HeaderMode};
 use toml_edit::{Array, DocumentMut, Item, Table, Value, value};
 
 use crate::project::{Project, output};
+use crate::tree::FILES_TO_TRY;
 
 /// The description of the Python package in the workspace.
 const DESCRIPTION: &str = "sdk/python/pyproject.toml";
@@ -63,12 +64,15 @@ fn sources(project: &Project) -> Result<Vec<String>> {
     let listed = output(Command::new("git").arg("-C").arg(project.root()).args(["ls-files", "-z"]))
         .place("cannot list the files of the workspace; make the source distribution in a clone")?;
     let listed = String::from_utf8_lossy(&listed).into_owned();
-    let is_picture = |name: &&str| {
-        name.starts_with("docs/") && name.rsplit('.').next().is_some_and(|ending| PICTURES.contains(&ending))
-    };
     let files = listed.split('\0').filter(|name| !name.is_empty() && !is_picture(name));
     // A file that was deleted and not committed is listed too.
     Ok(files.filter(|name| project.root().join(name).is_file()).map(str::to_owned).collect())
+}
+
+/// Whether a file is a picture that only documents show. The packages have those of the files to try.
+fn is_picture(name: &str) -> bool {
+    let is_document = name.starts_with("docs/") && !Path::new(name).starts_with(FILES_TO_TRY);
+    is_document && name.rsplit('.').next().is_some_and(|ending| PICTURES.contains(&ending))
 }
 
 fn text_of<'a>(description: &'a DocumentMut, key: &str) -> Result<&'a str> {
@@ -142,6 +146,10 @@ mod tests {
         let root = folder.join(path.file_name().unwrap().to_str().unwrap().trim_end_matches(".tar.gz"));
         for name in ["PKG-INFO", "Cargo.lock", "dist/python/pdk_build.py", "scripts/models/dave2.onnx"] {
             assert!(root.join(name).is_file(), "{name}");
+        }
+        for entry in fs::read_dir(project.root().join(FILES_TO_TRY)).unwrap() {
+            let name = Path::new(FILES_TO_TRY).join(entry.unwrap().file_name());
+            assert!(root.join(&name).exists(), "{}", name.display());
         }
         // Cargo finds every package of the workspace, and the packages find what is shipped beside them.
         let unpacked = cargo_metadata::MetadataCommand::new()

@@ -11,9 +11,10 @@ use walkdir::WalkDir;
 /// The folder of the SDK in the workspace.
 const FOLDER: &str = "sdk";
 const MANIFEST: &str = "Cargo.toml";
-/// The Python package in it, which needs the kernel, and what authors of drivers use of it.
+/// The Python package in it, which needs the kernel, and what authors of drivers and simulators use of it.
 const PYTHON: &str = "python";
-const FOR_DRIVERS: [&str; 3] = ["pdk_driver.py", "examples/function.py", "examples/model.py"];
+const FOR_AUTHORS: [&str; 4] =
+    ["pdk_driver.py", "pdk_simulator.py", "examples/function.py", "examples/model.py"];
 
 /// Copies the SDK from the workspace at `root`, and gives it a manifest that says what the workspace's says of it.
 ///
@@ -22,7 +23,7 @@ const FOR_DRIVERS: [&str; 3] = ["pdk_driver.py", "examples/function.py", "exampl
 pub fn copy(root: &Path, into: &Path) -> Result<()> {
     let folder = root.join(FOLDER);
     copy_files(&folder, into)?;
-    for part in FOR_DRIVERS {
+    for part in FOR_AUTHORS {
         let (from, to) = (folder.join(PYTHON).join(part), into.join(PYTHON).join(part));
         to.parent().map_or(Ok(()), fs::create_dir_all).place(to.display())?;
         fs::copy(&from, &to).place(from.display())?;
@@ -105,6 +106,17 @@ fn set_path(dependency: &mut dyn TableLike, path: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::project::{Project, Target};
+
+    #[test]
+    fn the_modules_for_drivers_and_simulators_are_copied() {
+        let folder = std::env::temp_dir().join(format!("pdk-sdk-{}", std::process::id()));
+        copy(Project::for_target(Target::HERE).unwrap().root(), &folder).unwrap();
+        for module in ["pdk_driver.py", "pdk_simulator.py"] {
+            assert!(folder.join(PYTHON).join(module).is_file(), "{module}");
+        }
+        fs::remove_dir_all(folder).unwrap();
+    }
 
     #[test]
     fn the_manifest_speaks_of_the_sdk_alone() {

@@ -37,12 +37,15 @@ const COMPLETIONS: [(&str, &str); 3] = [
 ];
 
 /// Documents by their places in the workspace and below `share/doc/pdk`.
-const DOCUMENTS: [(&str, &str); 6] = [
+const DOCUMENTS: [(&str, &str); 9] = [
     ("LICENSE", "LICENSE"),
     ("CHANGELOG.md", "CHANGELOG.md"),
     ("docs/worker-protocol.md", "worker-protocol.md"),
     ("scripts/training/collect.lua", "training/collect.lua"),
     ("scripts/training/train.py", "training/train.py"),
+    ("scripts/training/networks.py", "training/networks.py"),
+    ("scripts/training/records.py", "training/records.py"),
+    ("scripts/training/quantise.py", "training/quantise.py"),
     ("scripts/training/requirements.txt", "training/requirements.txt"),
 ];
 
@@ -50,7 +53,7 @@ const DOCUMENTS: [(&str, &str); 6] = [
 const EXAMPLES: &str = "scripts/examples";
 
 /// Files to try commands with, as they are named in the documents.
-const FILES_TO_TRY: &str = "docs/examples";
+pub const FILES_TO_TRY: &str = "docs/examples";
 
 /// Lays out the tree anew, and returns its folder.
 ///
@@ -103,4 +106,34 @@ fn put(from: &Path, to: &Path, mode: u32) -> Result<()> {
 fn write(file: &Path, content: &[u8]) -> Result<()> {
     file.parent().map_or(Ok(()), fs::create_dir_all).place(file.display())?;
     fs::write(file, content).place(file.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::project::Target;
+
+    #[test]
+    fn programs_in_python_are_shipped_with_the_modules_beside_them() {
+        let project = Project::for_target(Target::HERE).unwrap();
+        let mut modules = 0;
+        for (program, shipped) in DOCUMENTS.iter().filter(|(from, _)| from.ends_with(".py")) {
+            let text = fs::read_to_string(project.root().join(program)).unwrap();
+            let imported = text.lines().filter_map(|line| {
+                let names = line.strip_prefix("import ").or_else(|| line.strip_prefix("from "))?;
+                names.split([' ', '.', ',']).next()
+            });
+            for name in imported {
+                let module = Path::new(program).with_file_name(format!("{name}.py"));
+                if project.root().join(&module).is_file() {
+                    let beside = Path::new(shipped).with_file_name(format!("{name}.py"));
+                    let is_shipped =
+                        |(from, to): &(&str, &str)| Path::new(from) == module && Path::new(to) == beside;
+                    assert!(DOCUMENTS.iter().any(is_shipped), "{program} imports {}", module.display());
+                    modules += 1;
+                }
+            }
+        }
+        assert!(modules >= 4, "{modules}");
+    }
 }
