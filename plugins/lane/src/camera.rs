@@ -84,6 +84,11 @@ impl Projection {
         (depth, self.centre_y + self.focal * (below * self.cosine - ahead * self.sine) / depth)
     }
 
+    /// How far ahead the ground lies that is `depth` metres away along the optical axis.
+    pub fn ahead_at(&self, depth: f64) -> f64 {
+        (depth - self.height * self.sine) / self.cosine
+    }
+
     /// The row of the horizon for a vehicle on a slope (rise over run); it may lie outside the frame.
     pub fn horizon_on(&self, slope: f64) -> f64 {
         self.depth_and_row(1.0, slope).1
@@ -108,6 +113,8 @@ mod tests {
             let [x, back, _] = camera.project(right, row.ahead, 0.0).unwrap();
             assert!((x - 250.5).abs() < 1e-9 && (back - y).abs() < 1e-9, "{x} {back}");
             assert!((camera.row_of(row.ahead) - y).abs() < 1e-9);
+            let (depth, _) = camera.depth_and_row(row.ahead, camera.height);
+            assert!((camera.ahead_at(depth) - row.ahead).abs() < 1e-9);
         }
     }
 

@@ -135,7 +135,7 @@ impl Light {
     pub fn beam(&self, ahead: f32) -> (f32, f32) {
         // Brightest some metres ahead, then fading.
         let reach = 1.0 / (1.0 + (ahead / 16.0) * (ahead / 16.0));
-        let rise = (ahead / 4.0).min(1.0);
+        let rise = (ahead / 4.0).clamp(0.0, 1.0);
         (self.headlights * reach * rise, 1.6 + 0.28 * ahead)
     }
 

@@ -11,8 +11,10 @@ use pdk_road::{Path, Point};
 const FARTHEST: f64 = 300.0;
 /// Where the ground ends in haze, in metres.
 const END: f64 = 5_000.0;
-/// Nearest ground considered, in metres: below any frame's edge.
+/// Nearest ground considered, in metres, unless a frame shows what is nearer still.
 const NEAREST: f64 = 0.3;
+/// It is at least this far away along the optical axis, in metres: ground below a camera that looks up is behind the lens.
+const LEAST_DEPTH: f64 = 0.05;
 
 /// The strip of ground that a row of pixels shows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,15 +70,16 @@ impl Terrain {
         let mut sample = |ahead: f64, height: f64| {
             let (depth, row) = depth_and_row(projection, ahead, height);
             let crest = self.samples.last().map_or(f64::INFINITY, |before: &Sample| before.crest);
-            if depth > 0.05 {
+            if depth > 0.0 {
                 self.samples.push(Sample { ahead, height, row, crest: crest.min(row) });
             }
         };
-        sample(NEAREST, 0.0);
+        let nearest = nearest(projection, self.strips.len());
+        sample(nearest, 0.0);
         let (start, slope) = (profile.height(along), self.slope);
         if !profile.is_flat() {
             let forward = [libm::sin(heading), libm::cos(heading)];
-            let mut farthest = NEAREST;
+            let mut farthest = nearest;
             for step in 1..FARTHEST as usize {
                 let s = along + step as f64;
                 let point = path.point_at(s);
@@ -152,6 +155,12 @@ impl Terrain {
             (None, _) => (0.0, f64::INFINITY),
         }
     }
+}
+
+/// How far ahead the nearest ground lies that a frame of this many rows may show.
+fn nearest(projection: &Projection, rows: usize) -> f64 {
+    let ahead = projection.ahead_at(LEAST_DEPTH).max(NEAREST);
+    projection.ground(rows as f64).map_or(ahead, |edge| ahead.min(edge.ahead))
 }
 
 fn depth_and_row(projection: &Projection, ahead: f64, height: f64) -> (f64, f64) {
