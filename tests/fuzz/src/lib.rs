@@ -54,7 +54,9 @@ fn count(size: usize) {
 /// If there is none.
 #[must_use]
 pub fn folder(target: &str) -> PathBuf {
-    let folder = PathBuf::from("/dev/shm").join(format!("pdk-fuzz-{target}-{}", std::process::id()));
+    // `tests/fuzz/run` names one, which it removes.
+    let parent = std::env::var_os("PDK_FUZZ_FOLDER").map_or_else(|| PathBuf::from("/dev/shm"), PathBuf::from);
+    let folder = parent.join(format!("pdk-fuzz-{target}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder in /dev/shm");
     folder
 }
