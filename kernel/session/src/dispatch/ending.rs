@@ -22,8 +22,8 @@ const DROP: Duration = Duration::from_secs(3);
 /// How long what a worker said last may be on its way.
 const LAST_WORDS: Duration = Duration::from_secs(1);
 /// A scenario of which no frame has come for this long waits for its simulator. Workers report frames five times a second;
-/// on a busy machine the first report of a drive may take a second or two.
-const UNDER_WAY: Duration = Duration::from_secs(5);
+/// on a busy machine a simulator takes seconds to its first.
+const UNDER_WAY: Duration = Duration::from_secs(10);
 
 impl Dispatch {
     /// Nothing more can be done: every requester gets the error.
