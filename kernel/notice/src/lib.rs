@@ -32,11 +32,6 @@ pub fn line(text: fmt::Arguments<'_>) {
     note(writeln!(io::stdout().lock(), "{}", printable(&text.to_string())));
 }
 
-/// Writes a JSON text to standard output as a line. It stays JSON: what a terminal would obey is written as JSON writes it.
-pub fn json(text: &str) {
-    bytes(format!("{}\n", json_escaped(text)).as_bytes());
-}
-
 /// Writes bytes to standard output, as they are.
 pub fn bytes(bytes: &[u8]) {
     note(io::stdout().lock().write_all(bytes));
@@ -56,35 +51,21 @@ pub fn error_line_once(text: fmt::Arguments<'_>) {
     }
 }
 
-/// A text with its control characters written out, such as `\u{1b}`, and those that change the direction of writing. Line feeds
-/// and tabs stay.
-pub fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, |c, shown| shown.extend(c.escape_unicode()))
-}
-
-/// A JSON text with the same characters written out as in JSON, such as `\u009b`. They only occur in its strings, so its value is the same.
-fn json_escaped(text: &str) -> Cow<'_, str> {
-    escaped(text, |c, shown| {
-        // All of them are below U+10000, so four digits are enough.
-        shown.push_str(&format!("\\u{:04x}", u32::from(c)));
-    })
-}
-
-/// Whether a terminal would obey a character, or show others in another order because of it.
-fn is_obeyed(c: char) -> bool {
+/// Whether a terminal would obey a character, or write others in another direction because of it. Line feeds and tabs stay.
+pub fn is_obeyed(c: char) -> bool {
     c.is_control() && !matches!(c, '\n' | '\t')
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// A text in which `escape` writes the characters that a terminal would obey.
-fn escaped(text: &str, escape: impl Fn(char, &mut String)) -> Cow<'_, str> {
+/// A text in which the characters that a terminal would obey are written out, such as `\u{1b}`.
+pub fn printable(text: &str) -> Cow<'_, str> {
     if !text.contains(is_obeyed) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for c in text.chars() {
         match is_obeyed(c) {
-            true => escape(c, &mut shown),
+            true => shown.extend(c.escape_unicode()),
             false => shown.push(c),
         }
     }
@@ -123,12 +104,5 @@ mod tests {
         assert_eq!(printable("a\u{1b}[2Jb\u{7}\r"), "a\\u{1b}[2Jb\\u{7}\\u{d}");
         // The same without an escape character, and what hides the order of characters.
         assert_eq!(printable("\u{9b}2J \u{202e}gnp.exe"), "\\u{9b}2J \\u{202e}gnp.exe");
-    }
-
-    #[test]
-    fn json_stays_json_and_has_nothing_that_a_terminal_would_obey() {
-        let plain = "{\n\t\"a\": \"Überraschung\"\n}";
-        assert!(matches!(json_escaped(plain), Cow::Borrowed(text) if text == plain));
-        assert_eq!(json_escaped("[\"\u{7f}\u{9b}\u{200e}\u{2069}\"]"), r#"["\u007f\u009b\u200e\u2069"]"#);
     }
 }

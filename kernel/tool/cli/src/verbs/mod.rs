@@ -32,6 +32,7 @@ mod examples;
 mod export;
 mod gate;
 mod gradient;
+mod json_text;
 mod list;
 mod merge;
 mod network;
@@ -382,6 +383,6 @@ fn numbered(name: &str, before: usize) -> String {
 
 /// Writes a JSON value to standard output.
 fn print_json(value: &serde_json::Value) -> Result<()> {
-    pdk_notice::json(&serde_json::to_string_pretty(value)?);
+    json_text::print(&serde_json::to_string_pretty(value)?);
     Ok(())
 }

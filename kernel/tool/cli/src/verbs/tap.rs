@@ -9,7 +9,7 @@ use pdk_notice::{eprintln, println};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Value, json};
 
-use super::{Global, print_json};
+use super::{Global, json_text, print_json};
 
 /// How long a tap waits for a message before it looks whether the run has ended.
 const LOOK: Duration = Duration::from_millis(500);
@@ -64,7 +64,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         };
         received += 1;
         match global.json {
-            true => pdk_notice::json(&told(&tap, &message).to_string()),
+            true => json_text::print(&told(&tap, &message).to_string()),
             false => print(&tap, &message),
         }
         if let (Message::Frame(frame), Some(path)) = (&message, &arguments.save) {
