@@ -72,8 +72,8 @@ const SETTINGS: [Setting; 16] = [
         [16.0, 24.0, 32.0],
         (0.0, 500.0),
         "m",
-        "straight road before and behind a scenario's own; without it, the road begins in a bend, and the segment of its last angle is \
-        not driven",
+        "straight road before a scenario's own, and behind the last angle of a road of angles; at least 1 m, or 0 for none: then a \
+        road of angles begins in a bend, and the segment of its last angle is not driven",
     ),
     fixed(
         "segment",
@@ -105,7 +105,7 @@ const SETTINGS: [Setting; 16] = [
     ),
     Setting {
         name: "crests",
-        doc: "how far a road without heights of its own goes up and down",
+        doc: "how far a road whose heights are all equal goes up and down; less far if it would be too steep to drive",
         unit: "m",
         range: (0.0, 6.0),
         values: [(0.0, 0.0), (0.0, 1.2), (0.8, 2.4)],
@@ -230,6 +230,11 @@ impl Conditions {
                 setting.name, NAMES[0], NAMES[1], NAMES[2]
             )));
         }
+        if let Some(length) = given[index("straight_ends")].filter(|length| 0.0 < *length && *length < 1.0) {
+            return Err(Error::new(format!(
+                "straight_ends is {length} m, but has to be 0 or at least 1 m: set it to 0 for a road without straight ends"
+            )));
+        }
         let light = Some(config.text("light")).filter(|light| *light != ANY_LIGHT).map(str::to_owned);
         Ok(Self { level, given, light })
     }
@@ -347,6 +352,9 @@ mod tests {
         assert!(conditions(json!({"wetness": 0, "parked": 5})).is_ok());
         let error = conditions(json!({"segment": 4})).unwrap_err().to_string();
         assert!(error.starts_with("segment is 4, but has to be from 10 to 500"), "{error}");
+        let error = conditions(json!({"straight_ends": 0.5})).unwrap_err().to_string();
+        assert!(error.starts_with("straight_ends is 0.5 m, but has to be 0 or at least 1 m"), "{error}");
+        assert!(conditions(json!({"straight_ends": 0})).is_ok());
         // What is filled in by default may be given back.
         let filled = Config::check(&description(), &Map::new()).unwrap();
         assert!(Config::check(&description(), filled.values()).is_ok());

@@ -7,7 +7,7 @@ const STEP: f64 = 1.0;
 /// Heights are smoothed over this distance to either side in metres, twice: corners between waypoints become vertical curves.
 const SMOOTHING: usize = 6;
 /// Steepest slope, as rise over run.
-const STEEPEST: f64 = 0.15;
+pub const STEEPEST: f64 = 0.15;
 /// Slopes less than this leave a road flat, and spare the effort that hills cost.
 const FLAT: f64 = 1e-4;
 
@@ -20,12 +20,9 @@ pub struct Profile {
 
 impl Profile {
     /// The profile through points, each the distance along the road and the height there, in metres and in order.
-    ///
-    /// # Errors
-    /// If it is steeper than vehicles can drive.
-    pub fn through(points: &[(f64, f64)]) -> Result<Self> {
+    pub fn of(points: &[(f64, f64)]) -> Self {
         let [(first, start), .., (last, _)] = points else {
-            return Ok(Self { heights: vec![points.first().map_or(0.0, |p| p.1)], flat: true });
+            return Self { heights: vec![points.first().map_or(0.0, |p| p.1)], flat: true };
         };
         let count = ((last - first) / STEP).ceil() as usize + 1;
         let mut segment = 0;
@@ -41,20 +38,35 @@ impl Profile {
             .collect();
         let flat = raw.iter().all(|height| (height - start).abs() < FLAT);
         let heights = if flat { raw } else { smoothed(&smoothed(&raw)) };
-        let profile = Self { heights, flat };
-        for i in 1..profile.heights.len() {
-            let slope = (profile.heights[i] - profile.heights[i - 1]) / STEP;
-            if slope.abs() > STEEPEST {
-                return Err(Error::new(format!(
-                    "the road has a slope of {:.1} % {} m after its start, but vehicles here manage at most {:.0} %: lower the \
-                     height of the waypoints, or draw them apart",
-                    slope.abs() * 100.0,
-                    i,
-                    STEEPEST * 100.0
-                )));
-            }
+        Self { heights, flat }
+    }
+
+    /// The slopes from each stored height to the next, all positive.
+    fn slopes(&self) -> impl Iterator<Item = f64> {
+        self.heights.windows(2).map(|pair| ((pair[1] - pair[0]) / STEP).abs())
+    }
+
+    /// The steepest slope, up or down.
+    pub fn steepest(&self) -> f64 {
+        self.slopes().fold(0.0, f64::max)
+    }
+
+    /// Refuses a profile that is steeper than vehicles can drive.
+    ///
+    /// # Errors
+    /// If it is.
+    pub fn checked(self) -> Result<Self> {
+        let steep = self.slopes().enumerate().find(|(_, slope)| *slope > STEEPEST);
+        match steep {
+            None => Ok(self),
+            Some((i, slope)) => Err(Error::new(format!(
+                "the road has a slope of {:.1} % {} m after its start, but vehicles here manage at most {:.0} %: lower the \
+                 height of the waypoints, or draw them apart",
+                slope * 100.0,
+                i + 1,
+                STEEPEST * 100.0
+            ))),
         }
-        Ok(profile)
     }
 
     /// Whether the road keeps its height.
@@ -99,7 +111,8 @@ mod tests {
 
     #[test]
     fn a_ramp_keeps_its_slope_and_its_ends() {
-        let profile = Profile::through(&[(0.0, 2.0), (100.0, 7.0), (200.0, 7.0)]).unwrap();
+        let profile = Profile::of(&[(0.0, 2.0), (100.0, 7.0), (200.0, 7.0)]);
+        assert!((profile.steepest() - 0.05).abs() < 1e-9);
         assert!(!profile.is_flat());
         assert_eq!((profile.height(0.0), profile.height(-5.0), profile.height(900.0)), (2.0, 2.0, 7.0));
         assert!((profile.slope(50.0) - 0.05).abs() < 1e-9 && profile.slope(150.0).abs() < 1e-9);
@@ -109,9 +122,9 @@ mod tests {
 
     #[test]
     fn flat_roads_are_flat_and_steep_ones_are_refused() {
-        let flat = Profile::through(&[(0.0, 3.0), (50.0, 3.0)]).unwrap();
+        let flat = Profile::of(&[(0.0, 3.0), (50.0, 3.0)]).checked().unwrap();
         assert!(flat.is_flat() && flat.height(17.0) == 3.0 && flat.slope(17.0) == 0.0);
-        let error = Profile::through(&[(0.0, 0.0), (50.0, 10.0)]).unwrap_err().to_string();
+        let error = Profile::of(&[(0.0, 0.0), (50.0, 10.0)]).checked().unwrap_err().to_string();
         assert!(error.contains("a slope of 20.0 %"), "{error}");
     }
 }

@@ -28,7 +28,8 @@ const CROSSING_SEPARATION: f64 = 30.0;
 /// A road that has been checked.
 #[derive(Debug, Clone)]
 pub struct Road {
-    /// The centre line of the driven lane as `[x, height, z]` in metres. A road made from these is the same road.
+    /// The centre line of the driven lane as `[x, height, z]` in metres. A road made from these is the same road if neither
+    /// straight ends nor crests are added to it again.
     pub waypoints: Vec<[f64; 3]>,
     /// The same line on the ground, finely divided.
     pub path: Path,
@@ -41,9 +42,9 @@ pub struct Road {
 pub struct Layout {
     /// Length of the segments of a road that the scenario leaves to the simulator, in metres.
     pub segment: f64,
-    /// Straight road before the scenario's own and behind its last angle, in metres.
+    /// Straight road before the scenario's own, and behind the last node of a road of angles, in metres.
     pub straight_ends: f64,
-    /// How far the road goes up and down if it has no heights of its own, in metres.
+    /// How far the road goes up and down if its heights are all equal, in metres.
     pub crests: f64,
 }
 
@@ -61,17 +62,9 @@ impl Road {
     /// If the road is not written as it has to be, or nothing that can be driven on: it bends too sharply, crosses
     /// itself, is too steep, too short or too long.
     pub fn new(road: &Value, seed: u64, layout: Layout) -> Result<Self> {
-        let Some(mut waypoints) = pdk_road::read(road).map_err(Error::new)? else {
-            return Self::random(seed, layout);
-        };
-        if layout.straight_ends > 0.0 {
-            if road.get("angles").is_some() {
-                let longer = ends::with_end(road, layout.straight_ends);
-                waypoints = pdk_road::read(&longer).map_err(Error::new)?.unwrap_or_default();
-            }
-            waypoints = ends::with_start(waypoints, layout.straight_ends);
-        }
-        Self::from_waypoints(crests::raised(waypoints, layout.crests, seed))
+        let read = pdk_road::read_with_end(road, layout.straight_ends).map_err(Error::new)?;
+        let Some(waypoints) = read else { return Self::random(seed, layout) };
+        Self::from_waypoints(ends::with_start(waypoints, layout.straight_ends), layout.crests, seed)
     }
 
     /// A road with random angles that can be driven.
@@ -95,10 +88,11 @@ impl Road {
     /// As [`Road::new`].
     #[cfg(test)]
     pub fn from_angles(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Self> {
-        Self::from_waypoints(pdk_road::with_heights(angles, lengths, heights).map_err(Error::new)?)
+        Self::from_waypoints(pdk_road::with_heights(angles, lengths, heights).map_err(Error::new)?, 0.0, 0)
     }
 
-    fn from_waypoints(waypoints: Vec<[f64; 3]>) -> Result<Self> {
+    /// The road through these waypoints, with crests as [`crests::raised`] makes them.
+    fn from_waypoints(waypoints: Vec<[f64; 3]>, swing: f64, seed: u64) -> Result<Self> {
         if waypoints.len() < 2 {
             return Err(Error::new(format!(
                 "the road has {} waypoints, but needs at least 2",
@@ -123,10 +117,14 @@ impl Road {
         let path = Path::through(&points, STEP);
         check_bends(&path)?;
         check_crossings(&path)?;
-        // Distance along the path and height of each waypoint.
-        let places = path.places(points).into_iter().zip(waypoints.iter().map(|point| point[1]));
-        let profile = Profile::through(&places.collect::<Vec<_>>())?;
-        Ok(Self { waypoints, path, profile })
+        // Distance along the path of each waypoint, which does not depend on the heights.
+        let places = path.places(points);
+        let profile = |waypoints: &[[f64; 3]]| {
+            let heights = waypoints.iter().map(|point| point[1]);
+            Profile::of(&places.iter().copied().zip(heights).collect::<Vec<_>>())
+        };
+        let (waypoints, profile) = crests::raised(waypoints, swing, seed, profile);
+        Ok(Self { waypoints, path, profile: profile.checked()? })
     }
 }
 
@@ -333,6 +331,31 @@ mod tests {
         let circle: Vec<i32> = vec![40; 12];
         let crossing = error(json!({"angles": circle}));
         assert!(crossing.starts_with("the road crosses itself: "), "{crossing}");
+    }
+
+    #[test]
+    fn a_road_with_as_many_angles_as_possible_has_straight_ends_too() {
+        let straight = json!({"angles": vec![0; 200], "segment": 20});
+        for straight_ends in [0.0, 1.0, 16.0] {
+            let layout = Layout { straight_ends, ..Layout::default() };
+            let road = Road::new(&straight, 0, layout).unwrap();
+            let segments = if straight_ends > 0.0 { 200.0 } else { 199.0 };
+            let expected = segments * 20.0 + straight_ends;
+            assert!((road.path.length() - expected).abs() < 1e-6, "{}", road.path.length());
+        }
+        let refused = json!({"angles": vec![0; 201], "segment": 20});
+        assert!(error(refused).contains("a road needs 2 to 200 angles, but is given 201"));
+    }
+
+    #[test]
+    fn crests_of_any_height_can_be_driven() {
+        for crests in [2.4, 4.0, 6.0] {
+            for seed in 0..30 {
+                let road = json!({"angles": [0, 10, -20, 15, 0, -10, 20, 0], "segment": 40});
+                let road = Road::new(&road, seed, Layout { crests, ..Layout::default() }).unwrap();
+                assert!(!road.profile.is_flat());
+            }
+        }
     }
 
     #[test]

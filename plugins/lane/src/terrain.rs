@@ -178,7 +178,7 @@ mod tests {
     fn terrain(heights: &[(f64, f64)], along: f64) -> (Terrain, Projection) {
         let projection = Projection::new(320, 160, crate::camera::MOUNTING);
         let path = Path::of((0..=400).map(|z| [0.0, f64::from(z)]).collect());
-        let profile = Profile::through(heights).unwrap();
+        let profile = Profile::of(heights);
         let mut terrain = Terrain::new(160);
         terrain.look(&projection, (&path, &profile), ([0.0, along], 0.0, along));
         (terrain, projection)

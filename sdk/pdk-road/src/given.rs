@@ -6,7 +6,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::{POINTS_PER_SEGMENT, Road, SEGMENT};
+use crate::{POINTS_PER_SEGMENT, Point, Road, SEGMENT, curve, lay_out};
 
 /// Most waypoints of a road.
 const MOST_WAYPOINTS: usize = 10_000;
@@ -16,6 +16,15 @@ const MOST_WAYPOINTS: usize = 10_000;
 /// # Errors
 /// If the road is not one of the forms above.
 pub fn read(road: &Value) -> Result<Option<Vec<[f64; 3]>>, String> {
+    read_with_end(road, 0.0)
+}
+
+/// As [`read`], but a road of angles goes straight on for this many metres behind its last node, at the height of that: so its last
+/// segment is driven too. 0 adds nothing.
+///
+/// # Errors
+/// As [`read`]: the road itself has to be of one of the forms.
+pub fn read_with_end(road: &Value, end: f64) -> Result<Option<Vec<[f64; 3]>>, String> {
     let fields = match road {
         Value::Null => return Ok(None),
         Value::Object(fields) => fields,
@@ -35,9 +44,18 @@ pub fn read(road: &Value) -> Result<Option<Vec<[f64; 3]>>, String> {
     }
     match (fields.get("angles"), fields.get("waypoints")) {
         (Some(angles), None) => {
-            let angles = read_angles(angles)?;
-            let heights = read_heights(fields, angles.len())?;
-            with_heights(&angles, &read_lengths(fields, angles.len())?, &heights).map(Some)
+            let mut angles = read_angles(angles)?;
+            let mut heights = read_heights(fields, angles.len())?;
+            let mut lengths = read_lengths(fields, angles.len())?;
+            let given = with_heights(&angles, &lengths, &heights)?;
+            if end <= 0.0 {
+                return Ok(Some(given));
+            }
+            angles.push(0.0);
+            lengths.push(end);
+            heights.extend(heights.last().copied());
+            let longer = curve::catmull_rom(&lay_out(&angles, &lengths), POINTS_PER_SEGMENT);
+            Ok(Some(raised(longer, &heights)))
         }
         (None, Some(_)) if fields.contains_key("segment") => {
             Err("the road has `segment` beside `waypoints`; it belongs to `angles`: remove it".to_owned())
@@ -59,6 +77,11 @@ pub fn read(road: &Value) -> Result<Option<Vec<[f64; 3]>>, String> {
 /// As [`Road::from_angles`].
 pub fn with_heights(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Vec<[f64; 3]>, String> {
     let road = Road::from_angles(angles, lengths).map_err(|error| format!("the road: {error}"))?;
+    Ok(raised(road.waypoints, heights))
+}
+
+/// Waypoints with heights: 0 m at the first node, and these at the others.
+fn raised(waypoints: Vec<Point>, heights: &[f64]) -> Vec<[f64; 3]> {
     let height = |i: usize| {
         let node = i / (POINTS_PER_SEGMENT - 1);
         let share = (i % (POINTS_PER_SEGMENT - 1)) as f64 / (POINTS_PER_SEGMENT - 1) as f64;
@@ -68,7 +91,7 @@ pub fn with_heights(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<
         };
         of(node) + (of(node + 1) - of(node)) * share
     };
-    Ok(road.waypoints.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect())
+    waypoints.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect()
 }
 
 fn read_angles(value: &Value) -> Result<Vec<f64>, String> {

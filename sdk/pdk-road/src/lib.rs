@@ -20,7 +20,7 @@ mod valid;
 
 pub use curve::mean_curvature;
 pub use generate::{Informed, STRAIGHTEST_TURN, informed_angles, random_angles};
-pub use given::{read, with_heights};
+pub use given::{read, read_with_end, with_heights};
 pub use path::{Located, Path, catmull_rom};
 pub use picture::svg;
 pub use text::{parse, print};

@@ -254,7 +254,8 @@ impl Simulator for Lane {
         roadside::furnish(&mut scene, &road.path, lining, &mut random("lane roadside"));
         scene.wear =
             conditions.natural.then(|| Wear::new(conditions.wear(), length, &mut random("lane wear")));
-        let traffic = Traffic::new(self.traffic, length, FRONT, &mut random(traffic::KEY));
+        let traffic =
+            Traffic::lasting(self.traffic, length, FRONT, scenario.duration, &mut random(traffic::KEY));
         let parked = Parked::new(conditions.get("parked"), length, &mut random("lane parked"));
         self.renderer.prepare(&scene, traffic.count() + parked.all().len());
         self.delay.reset();
