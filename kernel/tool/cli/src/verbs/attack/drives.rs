@@ -26,6 +26,7 @@ use serde_json::json;
 use tempfile::NamedTempFile;
 
 use super::Goal;
+use crate::supervised::Memory;
 use crate::verbs::recorded::{self, Driving};
 use crate::verbs::{Global, print_json};
 
