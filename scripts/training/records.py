@@ -128,12 +128,18 @@ def samples(folder, topic="/raw"):
 
 
 def tub(folder):
-    """Images and controls of a recording of a DonkeyCar, in the format of tub 2."""
+    """Images and controls of a recording of a DonkeyCar, in the format of tub 2, without the records that its user deleted."""
     images, controls = [], []
+    deleted = set()
+    for part in map(json.loads, open(folder / "manifest.json")):
+        if "paths" in part:
+            deleted.update(part.get("deleted_indexes", []))
     for catalog in sorted(folder.glob("catalog_*.catalog"), key=lambda path: int(path.stem.split("_")[1])):
         for entry in map(json.loads, open(catalog)):
+            if entry.get("_index") in deleted:
+                continue
             images.append(small(Image.open(folder / "images" / entry["cam/image_array"]).convert("RGB")))
             controls.append([entry["user/angle"], entry["user/throttle"]])
     if not images:
-        raise SystemExit(f"{folder} is not a tub: it holds no catalog_*.catalog with images")
+        raise SystemExit(f"{folder} is not a tub: it holds no catalog_*.catalog with images that are not deleted")
     return torch.stack(images), torch.tensor(controls)

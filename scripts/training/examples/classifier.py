@@ -79,6 +79,7 @@ def picture(name, random):
 
 
 def seen(image):
+    """A picture as the network sees it. It is resized as pdk does with `resize = "pil_bilinear"`, which signs.toml sets."""
     small = image.convert("RGB").resize((SEEN, SEEN), Image.BILINEAR, reducing_gap=None)
     return np.asarray(small, np.float32).transpose(2, 0, 1) / 255
 

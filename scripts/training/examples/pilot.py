@@ -42,7 +42,7 @@ def drives(folder):
 
 
 def small(picture):
-    """A picture as the network sees it: the driver `onnx` resizes frames the same way, to linear interpolation."""
+    """A picture as the network sees it. It is resized as the driver `onnx` does with `resize = "pil_bilinear"`, which pilot.toml sets."""
     image = Image.open(io.BytesIO(picture)).convert("RGB").resize((SHAPE[2], SHAPE[1]), Image.BILINEAR, reducing_gap=None)
     return np.asarray(image, np.float32).transpose(2, 0, 1) / 255
 
