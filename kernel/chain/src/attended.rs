@@ -7,6 +7,7 @@ use pdk_sdk::prelude::{EarlierMaps, Frame, Key};
 use crate::maps::{Maps, Turns};
 use crate::moment::Moment;
 use pdk_components::registry::Registry;
+use pdk_ops::cells;
 
 /// This many values in a row has a map that is kept for later frames.
 const COLUMNS: usize = 24;
@@ -75,24 +76,10 @@ impl Attended {
             self.times.drain(..old);
             self.values.drain(..old * cells);
             self.times.push(moment.time);
-            reduce(now, width, size, &mut self.values);
+            cells::reduce(now, width, size, &mut self.values);
         }
         let earlier = EarlierMaps::new(&self.times, &self.values, size[0], size[1])?;
         Ok((now, earlier))
-    }
-}
-
-/// Adds the means of a map over the cells of a coarse one.
-fn reduce(values: &[f32], width: usize, [columns, rows]: [usize; 2], into: &mut Vec<f32>) {
-    let height = values.len() / width;
-    let range = |cell: usize, cells: usize, length: usize| cell * length / cells..(cell + 1) * length / cells;
-    for row in 0..rows {
-        for column in 0..columns {
-            let (across, down) = (range(column, columns, width), range(row, rows, height));
-            let count = (across.len() * down.len()) as f64;
-            let lines = down.map(|y| &values[y * width..][across.clone()]);
-            into.push((lines.flatten().map(|&value| f64::from(value)).sum::<f64>() / count) as f32);
-        }
     }
 }
 
@@ -164,9 +151,5 @@ mod tests {
             let (_, earlier) = single.look(shade(index as u8).as_ref(), &moment).unwrap();
             assert_eq!((earlier.len(), earlier.map(0).2[0]), (1, index as f32 / 255.0));
         }
-        let wide: Vec<f32> = (0..96 * 2).map(|at| (at % 96) as f32).collect();
-        let mut coarse = Vec::new();
-        reduce(&wide, 96, [24, 1], &mut coarse);
-        assert_eq!(coarse[..2], [1.5, 5.5]);
     }
 }

@@ -9,6 +9,8 @@ use pdk_sdk::prelude::{Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
 use crate::moment::Moment;
 use pdk_components::held::Held;
 use pdk_components::registry::Registry;
+use pdk_ops::cells;
+use pdk_ops::compare::mean_difference;
 use pdk_ops::motion::{self, Motion};
 use pdk_supervise::calls::{self, Function};
 
@@ -58,7 +60,7 @@ impl Turns {
         let period = match (change, self.period) {
             _ if moment.alone => moment.frame_index,
             (None, _) => moment.frame_index / every,
-            (Some(change), Some(period)) if goes_on && difference(self.seen.as_ref(), raw) <= change => {
+            (Some(change), Some(period)) if goes_on && mean_difference(self.seen.as_ref(), raw) <= change => {
                 period
             }
             (Some(_), _) => moment.frame_index,
@@ -77,13 +79,6 @@ impl Turns {
         let moved = if follow && !new { self.motion.since(raw) } else { [0, 0] };
         Turn { period, new, moved }
     }
-}
-
-/// The mean difference of all values of two frames of the same size.
-fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
-    let rows = a.rows().zip(b.rows());
-    let sum: u64 = rows.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-    sum as f64 / (a.width() * a.height() * 3) as f64
 }
 
 /// The maps of a sequence by a method.
@@ -257,15 +252,7 @@ fn fit(cells: &mut Vec<f32>, size: [usize; 2], frame: Frame<'_>, into: &mut Vec<
     let wanted = [frame.width(), frame.height()];
     match size == wanted {
         true => std::mem::swap(cells, into),
-        false => stretch(cells, size, wanted, into),
-    }
-}
-
-/// A map in another size, each part as large as all others.
-fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2], into: &mut Vec<f32>) {
-    into.clear();
-    for row in (0..to[1]).map(|y| y * height / to[1]) {
-        into.extend((0..to[0]).map(|x| values[row * width + x * width / to[0]]));
+        false => cells::stretch(cells, size, wanted, into),
     }
 }
 
@@ -350,12 +337,5 @@ mod tests {
             Line::Column.noticed(&by, &Description::saliency("marks", "x")),
             "the maps of saliency `marks` have a single column of cells, so they cannot tell left from right; use another method"
         );
-    }
-
-    #[test]
-    fn a_map_by_cells_is_stretched() {
-        let mut stretched = vec![7.0];
-        stretch(&[1.0, 2.0], [2, 1], [5, 2], &mut stretched);
-        assert_eq!(stretched, [1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
     }
 }

@@ -2,6 +2,17 @@
 
 use crate::frame::Frame;
 
+/// Mean difference of all values of two frames of the same size.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn mean_difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
+    assert!(a.same_size(&b), "frames of different size cannot be compared");
+    let rows = a.rows().zip(b.rows());
+    let sum: u64 = rows.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / (a.width() * a.height() * 3) as f64
+}
+
 /// Mean squared difference of all values of two frames of the same size; 0 if they are equal, at most 255².
 ///
 /// # Panics

@@ -13,6 +13,7 @@ pub mod blend;
 pub mod border;
 pub mod canny;
 pub mod canvas;
+pub mod cells;
 pub mod change;
 pub mod color;
 pub mod compare;
