@@ -213,7 +213,7 @@ def rosbags_bag():
     from rosbags.rosbag2 import StoragePlugin
 
     bag("bag", StoragePlugin.MCAP)
-    expect("rosbag2", "rosbag2", "bag", time=bag_time, steering=steering, speed=float)
+    expect("rosbag2", "rosbag2", "bag", parameters={"full_lock": 1}, time=bag_time, steering=steering, speed=float)
 
 
 def mosaic(number):
@@ -228,9 +228,9 @@ def rosbags_sqlite():
     from rosbags.rosbag2 import StoragePlugin
 
     bag("bag_sqlite", StoragePlugin.SQLITE3)
-    expect("rosbag2 sqlite", "rosbag2", "bag_sqlite", time=bag_time, steering=steering, speed=float)
+    expect("rosbag2 sqlite", "rosbag2", "bag_sqlite", parameters={"full_lock": 1}, time=bag_time, steering=steering, speed=float)
     bag("bag_bayer", StoragePlugin.SQLITE3, mosaic)
-    expect("rosbag2 bayer", "rosbag2", "bag_bayer", off=0.75, time=bag_time, steering=steering, speed=float)
+    expect("rosbag2 bayer", "rosbag2", "bag_bayer", off=0.75, parameters={"full_lock": 1}, time=bag_time, steering=steering, speed=float)
 
 
 def rosbags_foxglove():

@@ -539,7 +539,7 @@ fn the_built_in_plugins_keep_the_rules() {
                 ] {
                     check = check.set(&format!("{reader}.path"), repository().join(path).display());
                 }
-                check = check.set("comma2k19.full_lock", -400);
+                check = check.set("comma2k19.full_lock", -400).set("rosbag2.full_lock", 1);
             }
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "pdk");

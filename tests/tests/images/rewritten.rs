@@ -62,8 +62,8 @@ fn recordings_come_out_in_their_own_form() {
     let mut forms = vec![
         ("mcap", "ros2.mcap", ",image=/rgb8,full_lock=-1", 6, false),
         ("mcap", "foxglove.mcap", ",image=/h264", 6, true),
-        ("rosbag2", "bag", "", 6, false),
-        ("rosbag2", "bag_sqlite", "", 6, false),
+        ("rosbag2", "bag", ",full_lock=1", 6, false),
+        ("rosbag2", "bag_sqlite", ",full_lock=1", 6, false),
         ("video", "video/b_frames_mp4", "", 6, true),
         ("lerobot", "lerobot_2", "", 12, true),
     ];
@@ -156,12 +156,17 @@ fn mirrors_turn_the_steering_of_a_recording_or_are_refused() {
         let records = records.map(|(_, record)| serde_json::from_slice::<Value>(record).unwrap());
         records.map(|record| record["user/angle"].as_f64().unwrap()).collect()
     };
-    for (reader, name) in [("rosbag2", "bag"), ("rosbag2", "bag_sqlite"), ("video", "video/b_frames_mp4")] {
-        let dataset = format!("{reader},path={}", written(name).display());
+    for (reader, name, parameters) in [
+        ("rosbag2", "bag", ",full_lock=1"),
+        ("rosbag2", "bag_sqlite", ",full_lock=1"),
+        ("video", "video/b_frames_mp4", ""),
+    ] {
+        let dataset = format!("{reader},path={}{parameters}", written(name).display());
         let out = name.replace('/', "_");
         corrupt(folder.path(), &dataset, &["--with", "mirror@1"], &out).succeed();
         let before = steering(&dataset, &format!("{out}_before"));
-        let copy = format!("{reader},path={}", folder.path().join(&out).join("mirror/1").display());
+        let copy =
+            format!("{reader},path={}{parameters}", folder.path().join(&out).join("mirror/1").display());
         let after = steering(&copy, &format!("{out}_after"));
         assert!(
             before.iter().zip(&after).all(|(a, b)| *a == -b) && before.iter().any(|a| *a != 0.0),
