@@ -95,7 +95,10 @@ fn pictures_have_the_numbers_that_are_nearest_in_time() {
     let folder = TempDir::new().unwrap();
     let path = write(&folder, &drive());
     let missing = open(&path, json!({})).err().unwrap().to_string();
-    assert!(missing.contains("topic /drive (steering_angle)") && missing.contains("counted to the left"), "{missing}");
+    assert!(
+        missing.contains("topic /drive (steering_angle)") && missing.contains("counted to the left"),
+        "{missing}"
+    );
     let mut mcap = open(&path, json!({"full_lock": -1})).unwrap();
     assert_eq!((mcap.len(), mcap.name(3).as_str()), (6, "/camera 3"));
     assert!((mcap.position(3).time - 0.3).abs() < 1e-9);
@@ -121,7 +124,8 @@ fn pictures_have_the_numbers_that_are_nearest_in_time() {
     let entry = mcap.read(4).unwrap();
     assert!((entry.steering + 0.8).abs() < 1e-6 && entry.speed.is_nan());
     assert_eq!(entry.time, 4.0);
-    let far = open(&path, json!({"tolerance": 0.01, "full_lock": -1})).unwrap().read(0).unwrap_err().to_string();
+    let far =
+        open(&path, json!({"tolerance": 0.01, "full_lock": -1})).unwrap().read(0).unwrap_err().to_string();
     assert!(far.contains("topic /drive has no message within 0.01 s"), "{far}");
     let wrong = open(&path, json!({"steering": "/stear"})).err().unwrap().to_string();
     assert!(wrong.contains("there is no topic `/stear`") && wrong.contains("/steer"), "{wrong}");
@@ -130,7 +134,7 @@ fn pictures_have_the_numbers_that_are_nearest_in_time() {
 }
 
 #[test]
-fn a_topic_that_steers_is_told_from_one_that_only_moves() {
+fn the_topic_of_the_steering_is_guessed_by_its_name_before_its_kind() {
     let folder = TempDir::new().unwrap();
     let twist = |turn: f64| {
         let zeros = (0..5).fold(Fields::new(), |fields, _| fields.put(&0f64.to_le_bytes()));

@@ -75,7 +75,8 @@ fn times_are_in_seconds_whatever_their_unit() {
     let nanoseconds = "timestamp\n1700000000000000001\n1700000000050000001\n";
     assert_eq!(times(nanoseconds, json!({})).since, [Some(0.0), Some(0.05)]);
     let milliseconds = times("time_ms\n1000\n1050\n", json!({}));
-    let expected = Times { since: vec![Some(0.0), Some(0.05)], begin: 1.0, how: "column `time_ms`, in ms".into() };
+    let expected =
+        Times { since: vec![Some(0.0), Some(0.05)], begin: 1.0, how: "column `time_ms`, in ms".into() };
     assert_eq!(milliseconds, expected);
     assert_eq!(times("t\n0.5\n\n", json!({})).since, [Some(0.5)]);
     assert_eq!(times("t\n500\n1500\n", json!({"time_unit": "us"})).since, [Some(0.0), Some(0.001)]);

@@ -351,8 +351,9 @@ fn labels(
         _ => named("steering")?,
     };
     let beside = |has: fn(&Reading) -> bool| {
-        let has_one =
-            |topic: &String| numbers[topic].values.iter().flat_map(|(_, reading)| reading).next().is_some_and(has);
+        let has_one = |topic: &String| {
+            numbers[topic].values.iter().flat_map(|(_, reading)| reading).next().is_some_and(has)
+        };
         steering.clone().filter(has_one)
     };
     let speed = match config.text("speed") {
@@ -381,7 +382,8 @@ fn labels(
         let topic = topic.as_ref().map(|topic| format!("topic {topic}{how}"));
         told.push((what.to_owned(), topic.unwrap_or_else(|| "not recorded".to_owned())));
     };
-    let (how, units) = match (&steering, range(steerings.iter().flat_map(|(_, reading)| *reading).map(first))) {
+    let (how, units) = match (&steering, range(steerings.iter().flat_map(|(_, reading)| *reading).map(first)))
+    {
         (Some(topic), (low, high)) if low <= high => {
             let kind = numbers[topic].kind;
             let units = Units::of(config, full_lock(config, topic, kind, [low, high])?)?;

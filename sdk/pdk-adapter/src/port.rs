@@ -62,7 +62,7 @@ impl Claim {
 }
 
 /// The names of a host's addresses, always in the same order, so that all spellings of a host are one: those of this machine share a name. A
-/// host without an address, which nobody can talk to, has its own.
+/// host without an address has its own.
 fn names(host: &str, port: u16) -> BTreeSet<String> {
     let canonical = |address: SocketAddr| match address.ip().to_canonical() {
         ip if ip.is_loopback() || ip.is_unspecified() => Ipv4Addr::LOCALHOST.to_string(),

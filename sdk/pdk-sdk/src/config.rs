@@ -281,7 +281,8 @@ mod tests {
     #[test]
     fn a_text_may_be_given_as_a_number() {
         let description = Description::dataset("csv", "").parameter(Parameter::text("steering", "a column"));
-        let given = |value: Value| Config::check(&description, json!({"steering": value}).as_object().unwrap());
+        let given =
+            |value: Value| Config::check(&description, json!({"steering": value}).as_object().unwrap());
         assert_eq!(given(json!(2)).unwrap().text("steering"), "2");
         assert_eq!(given(json!(-0.25)).unwrap().text("steering"), "-0.25");
         assert_eq!(

@@ -74,7 +74,8 @@ impl Yuv420 {
         for (y, row) in luma.chunks_exact_mut(width).enumerate() {
             for (x, luma) in row.iter_mut().enumerate() {
                 let at = y / 2 * half + x / 2;
-                let [blue, red] = [blues[at], reds[at]].map(|chroma| (f32::from(chroma) - 128.0) / chroma_range);
+                let [blue, red] =
+                    [blues[at], reds[at]].map(|chroma| (f32::from(chroma) - 128.0) / chroma_range);
                 let full = (f32::from(*luma) - black) / luma_range + blue_adds * blue + red_adds * red;
                 *luma = byte(16.0 + full * (219.0 / 255.0));
             }

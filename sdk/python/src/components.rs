@@ -16,7 +16,6 @@ use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 
 use crate::failure::detached;
-use crate::kept;
 
 /// What all calls share.
 struct State {
@@ -24,9 +23,12 @@ struct State {
     drop_ins: Vec<PathBuf>,
     /// Found when it is first needed.
     registry: Option<Arc<Registry>>,
+    /// How often components were searched.
+    searches: u64,
 }
 
-static STATE: Mutex<State> = Mutex::new(State { plugins: Vec::new(), drop_ins: Vec::new(), registry: None });
+static STATE: Mutex<State> =
+    Mutex::new(State { plugins: Vec::new(), drop_ins: Vec::new(), registry: None, searches: 0 });
 
 /// Needs the interpreter, see the crate's documentation.
 fn state(_: Python<'_>) -> MutexGuard<'static, State> {
@@ -47,13 +49,16 @@ pub fn install(executable: PathBuf) {
 #[pyo3(signature = (plugins=Vec::new(), drop_ins=Vec::new()))]
 pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, drop_ins: Vec<PathBuf>) -> PyResult<()> {
     let registry = discover(py, &plugins, &drop_ins)?;
-    {
-        let mut state = state(py);
-        (state.plugins, state.drop_ins) = (plugins, drop_ins);
-        state.registry = Some(registry);
-    }
-    kept::forget(py);
+    let mut state = state(py);
+    (state.plugins, state.drop_ins) = (plugins, drop_ins);
+    state.registry = Some(registry);
+    state.searches += 1;
     Ok(())
+}
+
+/// How often components were searched so far: what was made before the last time is not of today's components.
+pub fn searches(py: Python<'_>) -> u64 {
+    state(py).searches
 }
 
 /// The folders of the last [`search`].

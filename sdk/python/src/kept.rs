@@ -13,24 +13,18 @@ use pdk_record::manifest::components_of_all;
 use pdk_sdk::describe::ParameterType;
 use pyo3::prelude::*;
 
-use crate::components::{check_levels, make, registry};
+use crate::components::{check_levels, make, registry, searches};
 use crate::failure::detached;
 
 /// Chains that are kept. Each may hold textures and clips at the size of the last image.
 const MOST_KEPT: usize = 64;
 
-struct State {
-    /// The one that was used last is at the end.
-    kept: Vec<Kept>,
-    /// How often components were searched. Chains of an earlier search are not kept.
-    searches: u64,
-}
-
-static STATE: Mutex<State> = Mutex::new(State { kept: Vec::new(), searches: 0 });
+/// The one that was used last is at the end.
+static KEPT: Mutex<Vec<Kept>> = Mutex::new(Vec::new());
 
 /// Needs the interpreter, see the crate's documentation.
-fn state(_: Python<'_>) -> MutexGuard<'static, State> {
-    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+fn all_kept(_: Python<'_>) -> MutexGuard<'static, Vec<Kept>> {
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A chain for some calls, with what decides whether it can be used again.
@@ -113,10 +107,12 @@ pub fn take(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) ->
     let key = key(perturbations);
     loop {
         // The number comes before the components, so that a search in between makes the chain one that is not kept.
-        let (found, searches) = {
-            let mut state = state(py);
-            let place = state.kept.iter().rposition(|kept| kept.key == key);
-            (place.map(|place| state.kept.remove(place)), state.searches)
+        let searches = searches(py);
+        drop_of_earlier_searches(py, searches);
+        let found = {
+            let mut kept = all_kept(py);
+            let place = kept.iter().rposition(|kept| kept.key == key);
+            place.map(|place| kept.remove(place))
         };
         let Some(mut kept) = found else {
             let registry = registry(py)?;
@@ -138,14 +134,12 @@ pub fn take(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) ->
 
 /// Keeps a chain for later. One that has failed is not to be kept: its instances may be of no more use.
 pub fn keep(py: Python<'_>, chain: Kept) {
-    let dropped = {
-        let mut state = state(py);
-        if chain.searches == state.searches {
-            state.kept.push(chain);
-            (state.kept.len() > MOST_KEPT).then(|| state.kept.remove(0))
-        } else {
-            Some(chain)
-        }
+    let dropped = if chain.searches == searches(py) {
+        let mut kept = all_kept(py);
+        kept.push(chain);
+        (kept.len() > MOST_KEPT).then(|| kept.remove(0))
+    } else {
+        Some(chain)
     };
     if dropped.is_some() {
         // What a component does at its end takes its time.
@@ -153,12 +147,15 @@ pub fn keep(py: Python<'_>, chain: Kept) {
     }
 }
 
-/// Keeps none of the chains that were made so far, because components were searched again.
-pub fn forget(py: Python<'_>) {
-    let dropped = {
-        let mut state = state(py);
-        state.searches += 1;
-        std::mem::take(&mut state.kept)
+/// Drops the chains that were made before components were searched for the last time.
+fn drop_of_earlier_searches(py: Python<'_>, searches: u64) {
+    let dropped: Vec<Kept> = {
+        let mut kept = all_kept(py);
+        let (now, earlier) = kept.drain(..).partition(|kept| kept.searches == searches);
+        *kept = now;
+        earlier
     };
-    py.detach(|| drop(dropped));
+    if !dropped.is_empty() {
+        py.detach(|| drop(dropped));
+    }
 }

@@ -96,8 +96,7 @@ pub fn conclusions(drive: &Drive) -> Conclusions {
         .map(|(((name, tally), shares), group)| {
             let found = failing_level(&on_roads(&trials, name, &roads), CONFIDENCE);
             let estimate = tally.estimate();
-            let (fails_at, level_interval) =
-                found.map_or_else(Default::default, |found| told(&found));
+            let (fails_at, level_interval) = found.map_or_else(Default::default, |found| told(&found));
             let paired = compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE);
             Row {
                 group,

@@ -238,8 +238,7 @@ mod tests {
     #[test]
     fn on_one_road_a_level_lies_between_what_was_survived_and_what_failed() {
         let drive = drive("a", 1, &[("rain", 9.0), ("snow", 4.0), ("fog", 0.0)]);
-        let told: Vec<_> =
-            failing(&drive).iter().map(|found| (found.name.clone(), found.told().0)).collect();
+        let told: Vec<_> = failing(&drive).iter().map(|found| (found.name.clone(), found.told().0)).collect();
         let expected = [("fog", "1 or less"), ("snow", "2 to 4"), ("rain", "never")];
         assert_eq!(told, expected.map(|(name, level)| (name.to_owned(), level.to_owned())));
         let picture = picture(&[&drive]).unwrap();

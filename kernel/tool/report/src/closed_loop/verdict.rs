@@ -52,11 +52,14 @@ fn broken_by(drive: &Drive, place: &str) -> Option<String> {
         several => format!("all {several} perturbations"),
     };
     if broken.is_empty() && sometimes.is_empty() {
-        let [least, most] = [f64::min, f64::max].map(|pick| found.iter().map(|found| found.highest).reduce(pick));
+        let [least, most] =
+            [f64::min, f64::max].map(|pick| found.iter().map(|found| found.highest).reduce(pick));
         let [least, most] = [least, most].map(|level| text::short(level.unwrap_or_default()));
         return Some(match least == most {
             true => format!("{driver}{place} survives {all} up to level {most}."),
-            false => format!("{driver}{place} survives {all}, each up to the highest level driven, {least} to {most}."),
+            false => format!(
+                "{driver}{place} survives {all}, each up to the highest level driven, {least} to {most}."
+            ),
         });
     }
     let mut levels: Vec<String> = broken
