@@ -102,7 +102,8 @@ def artistic(
     style: the style, each after a picture that the recipe draws (default "brush").
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
-        the frame piece by piece at its own resolution (default "scale").
+        the frame piece by piece at its own resolution, for frames that are not smaller than its image (default
+        "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else pdk (default "auto").
@@ -1860,7 +1861,8 @@ def night(
 
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
-        the frame piece by piece at its own resolution (default "scale").
+        the frame piece by piece at its own resolution, for frames that are not smaller than its image (default
+        "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else pdk (default "auto").
@@ -2344,7 +2346,8 @@ def rainy(
 
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
-        the frame piece by piece at its own resolution (default "scale").
+        the frame piece by piece at its own resolution, for frames that are not smaller than its image (default
+        "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
         installed, else pdk (default "auto").
@@ -2431,7 +2434,8 @@ def repaint(
         (default "auto").
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
-        the frame piece by piece at its own resolution (default "scale").
+        the frame piece by piece at its own resolution, for frames that are not smaller than its image (default
+        "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
     Source: Any image-to-image network, such as those of Zhu et al., CycleGAN, 2017, and Johnson et al., Perceptual
         Losses, 2016.
@@ -2833,7 +2837,8 @@ def square_attack(
 
     epsilon: no value changes by more than this, rounded down (grey levels of 255; 0 to 255; by level 1, 2, 4, 8,
         16).
-    queries: how often the network is asked for a frame (1 to 100000; default 100).
+    queries: how often the network is asked about a changed frame, besides once for the frame as it is (1 to 100000;
+        default 100).
     share: the share of the frame that the first squares cover; they shrink as queries are used up (0.0001 to 1;
         default 0.1).
     goal: where the network is to steer: away from what it gives for the frame as it is, on whichever side that is

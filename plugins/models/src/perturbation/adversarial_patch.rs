@@ -158,9 +158,7 @@ impl Component for AdversarialPatch {
     fn new(config: &Config) -> Result<Self> {
         let spacing = config.number("spacing");
         if spacing > 0.0 && spacing < CLOSEST {
-            return Err(Error::new(format!(
-                "`spacing` is {spacing} m, but has to be 0 or at least {CLOSEST} m"
-            )));
+            return Err(Error::new(format!("`spacing` has to be 0 or at least {CLOSEST} m")));
         }
         let picture = artwork::read(config)?;
         let shown = decal::values(picture.as_ref());
