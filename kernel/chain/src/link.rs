@@ -412,3 +412,22 @@ fn context<'a>(
         _ => cx,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_draws_for_every_frame_already_keeps_its_key() {
+        let mut applied = AppliedPerturbation::new("x", 1.0);
+        applied.draws = Some(Draws::PerFrame);
+        let plain = || Description::perturbation("x", "x");
+        let same = |description: &Description| {
+            let dice = Dice::new(&applied, description, 0, 7);
+            dice.key_of(1) == dice.key_of(2)
+        };
+        assert!(same(&plain().drawn_per_frame("whether it is lost")));
+        assert!(!same(&plain().drawn_per_sequence("where it is")) && !same(&plain()));
+        assert!(!same(&plain().drawn_per_sequence("where it is").drawn_per_frame("the noise")));
+    }
+}

@@ -76,7 +76,7 @@ mod tests {
     use pdk_sdk::serde_json::json;
 
     use super::LaggingControls;
-    use crate::test_drive::{applied, applied_at};
+    use crate::test_drive::{applied, assert_missed_frames_change_nothing};
 
     /// The mean from frame to frame of what the differential equation says for a step at the beginning and one back.
     #[test]
@@ -115,19 +115,7 @@ mod tests {
 
     #[test]
     fn over_frames_that_the_driver_misses_the_actuator_goes_on_to_the_control_before() {
-        let control = |index: u64| Control { steering: if index < 40 { 0.75 } else { -0.25 }, throttle: 0.5 };
-        let driven = |frames: &[u64]| {
-            let controls: Vec<(u64, Control)> =
-                frames.iter().map(|index| (*index, control(*index))).collect();
-            applied_at::<LaggingControls>(&json!({"steering": 0.3}), 0.0, &controls)
-        };
-        let all = driven(&(0..60).collect::<Vec<_>>());
-        // The control before stays, so that nothing but the number of frames differs.
-        let some = [0, 1, 5, 6, 20, 40, 41, 59];
-        for (index, found) in some.iter().zip(driven(&some)) {
-            let expected = all[*index as usize];
-            assert!((found.steering - expected.steering).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
-        }
+        assert_missed_frames_change_nothing::<LaggingControls>(&json!({"steering": 0.3}));
     }
 
     #[test]

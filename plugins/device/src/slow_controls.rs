@@ -62,7 +62,7 @@ mod tests {
     use pdk_sdk::serde_json::json;
 
     use super::SlowControls;
-    use crate::test_drive::{applied, applied_at};
+    use crate::test_drive::{applied, assert_missed_frames_change_nothing};
 
     #[test]
     fn a_step_becomes_a_ramp_of_the_rate() {
@@ -81,20 +81,7 @@ mod tests {
 
     #[test]
     fn over_frames_that_the_driver_misses_the_actuator_goes_on_to_the_control_before() {
-        let control = |index: u64| Control { steering: if index < 40 { 0.75 } else { -0.25 }, throttle: 0.5 };
-        let driven = |frames: &[u64]| {
-            let controls: Vec<(u64, Control)> =
-                frames.iter().map(|index| (*index, control(*index))).collect();
-            applied_at::<SlowControls>(&json!({"steering": 0.3, "throttle": 0.1}), 0.0, &controls)
-        };
-        let all = driven(&(0..60).collect::<Vec<_>>());
-        // The control before stays, so that nothing but the number of frames differs.
-        let some = [0, 1, 5, 6, 20, 40, 41, 59];
-        for (index, found) in some.iter().zip(driven(&some)) {
-            let expected = all[*index as usize];
-            assert!((found.steering - expected.steering).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
-            assert!((found.throttle - expected.throttle).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
-        }
+        assert_missed_frames_change_nothing::<SlowControls>(&json!({"steering": 0.3, "throttle": 0.1}));
     }
 
     #[test]

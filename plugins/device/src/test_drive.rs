@@ -48,6 +48,23 @@ pub fn applied_at<P: Component + Perturbation>(
     passed::<P>(given, level, signals).into_iter().map(Control::from_numbers).collect()
 }
 
+/// Asserts that over frames which the driver misses, an actuator goes on to the control before: as in a drive in which it misses none.
+pub fn assert_missed_frames_change_nothing<P: Component + Perturbation>(given: &Value) {
+    let control = |index: u64| Control { steering: if index < 40 { 0.75 } else { -0.25 }, throttle: 0.5 };
+    let driven = |frames: &[u64]| {
+        let controls: Vec<(u64, Control)> = frames.iter().map(|index| (*index, control(*index))).collect();
+        applied_at::<P>(given, 0.0, &controls)
+    };
+    let all = driven(&(0..60).collect::<Vec<_>>());
+    // The control before stays, so that nothing but the number of frames differs.
+    let some = [0, 1, 5, 6, 20, 40, 41, 59];
+    for (index, found) in some.iter().zip(driven(&some)) {
+        let expected = all[*index as usize];
+        assert!((found.steering - expected.steering).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
+        assert!((found.throttle - expected.throttle).abs() < 1e-9, "{index}: {found:?}, {expected:?}");
+    }
+}
+
 /// The times and the speeds that a driver gets if these are the true speeds.
 pub fn observed<P: Component + Perturbation>(given: &Value, level: f64, speeds: &[f64]) -> Vec<Numbers> {
     passed::<P>(given, level, (0..).zip(speeds).map(|(index, speed)| (index, [time(index), *speed])))

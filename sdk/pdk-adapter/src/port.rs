@@ -124,6 +124,7 @@ mod tests {
         drop(first);
         assert!(claim(9).is_ok());
     }
+
     #[test]
     fn all_spellings_of_a_host_are_one_claim() {
         let of = |host: &str| names(host, 9).into_iter().collect::<Vec<_>>();

@@ -175,7 +175,7 @@ fn ancestors<'a>(graph: &'a Graph, target: &str) -> HashSet<&'a str> {
 }
 
 /// Whether gradients pass a node. What is constant, or constant in steps, such as a shape, stops them.
-fn passes(node: &NodeProto) -> bool {
+pub(crate) fn passes(node: &NodeProto) -> bool {
     operators::find(node).is_none_or(|operator| !matches!(operator.gradient, Rule::Zero))
 }
 

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
+use crate::gradient::passes;
 use crate::graph::Graph;
-use crate::operators::{self, Rule};
 use crate::values::Source;
 
 /// The inputs that set an operator: bounds, factors of sizes, and the statistics that training counts instead of deriving them.
@@ -22,9 +22,7 @@ const SETTINGS: &[(&str, &[usize])] = &[
 pub(crate) fn weights(graph: &Graph) -> Vec<&str> {
     let mut derived: HashSet<&str> = graph.outputs().iter().map(String::as_str).collect();
     for (place, node) in graph.nodes().iter().enumerate().rev() {
-        let is_constant =
-            || operators::find(node).is_some_and(|operator| matches!(operator.gradient, Rule::Zero));
-        if !node.output.iter().any(|output| derived.contains(output.as_str())) || is_constant() {
+        if !node.output.iter().any(|output| derived.contains(output.as_str())) || !passes(node) {
             continue;
         }
         let settings = SETTINGS.iter().find(|(operator, _)| *operator == node.op_type);

@@ -427,6 +427,9 @@ mod tests {
                 );
             }
             assert_eq!(std::fs::read(&copies[0]).unwrap(), std::fs::read(&copies[1]).unwrap(), "{told}");
+            let listed = Command::new(PROGRAM).arg("-i").arg(&copies[0]).output().unwrap();
+            let listed = String::from_utf8_lossy(&listed.stderr).into_owned();
+            assert!(listed.contains("(tv, smpte170m"), "{told} names no matrix and range: {listed}");
             assert_eq!(Video::open(&copies[0]).unwrap().decoder(), Video::open(&path).unwrap().decoder());
         }
     }

@@ -303,7 +303,7 @@ fn mean(values: &[f64]) -> f64 {
 type Pairs<'a> = Vec<(&'a Scenario, &'a Scenario)>;
 
 /// Of the scenarios that both drove: how many there are, how many both fail, only the other, only the base, and none; then those that
-/// only one of them fails. Several under different luck are paired in their order.
+/// only one of them fails. Repeats are paired by their numbers.
 fn outcomes<'a>(base: &'a Drive, other: &'a Drive) -> ([usize; 5], Pairs<'a>, Pairs<'a>) {
     type Key<'a> = (&'a str, Option<&'a str>, Option<u64>, u64);
     let of = |drive: &'a Drive| {
@@ -385,6 +385,24 @@ mod tests {
         assert_eq!(found.outcomes, [50, 20, 10, 0, 20]);
         assert_eq!((found.only_other.len(), found.only_other[0].1.as_str()), (10, "replay b"));
         assert!(found.only_base.is_empty() && found.roads.is_empty(), "no simulator reported a road");
+    }
+
+    #[test]
+    fn repeats_are_paired_by_their_numbers_though_one_is_void() {
+        let repeats = |driver: &str, verdicts: [Verdict; 3]| {
+            let mut drive = drive(driver, &[("fog", 9.0)]);
+            drive.scenarios.truncate(1);
+            let one = drive.scenarios.remove(0);
+            drive.scenarios = (0..)
+                .zip(verdicts)
+                .map(|(repeat, verdict)| Scenario { repeat, verdict, ..one.clone() })
+                .collect();
+            drive
+        };
+        let base = repeats("a", [Verdict::Void, Verdict::Unsafe, Verdict::Passed]);
+        let other = repeats("b", [Verdict::Passed, Verdict::Unsafe, Verdict::Passed]);
+        let (counts, only_other, only_base) = outcomes(&base, &other);
+        assert_eq!((counts, only_other.len(), only_base.len()), ([2, 1, 0, 0, 1], 0, 0));
     }
 
     #[test]

@@ -112,4 +112,15 @@ mod tests {
         assert_eq!(grid.rows[1].cells[1].as_ref().unwrap().shade, nominal.shade);
         assert_ne!(worst.shade, nominal.shade);
     }
+
+    #[test]
+    fn a_column_of_several_levels_has_their_mean() {
+        let cells = (0..41).map(|tenth| ("fog".into(), f64::from(tenth) / 10.0, f64::from(tenth))).collect();
+        let grid = grid(&TaskNumber { name: "miou".into(), original: Some(0.0), cells });
+        assert_eq!(grid.columns[1].as_deref(), Some("1 to below 2"));
+        let means: Vec<f64> = grid.rows[0].cells.iter().flatten().filter_map(|cell| cell.value).collect();
+        assert_eq!(means, [4.5, 14.5, 24.5, 34.5, 40.0]);
+        let title = &grid.rows[0].cells[1].as_ref().unwrap().title;
+        assert!(title.contains("the mean of 10 levels"), "{title}");
+    }
 }

@@ -251,6 +251,19 @@ mod tests {
     }
 
     #[test]
+    fn what_was_driven_to_lower_levels_is_not_said_to_survive_higher_ones() {
+        for (roads, survived) in [(1, "survived every level up to 2"), (10, "up to level 2")] {
+            let mut drive = drive("a", roads, &[("fog", 9.0), ("rain", 9.0)]);
+            drive.scenarios.retain(|s| s.perturbation.as_deref() != Some("fog") || s.level < Some(4.0));
+            let picture = picture(&[&drive]).unwrap();
+            let fog = picture.rows.iter().find(|row| row.label == "fog").unwrap();
+            let sentence = &fog.tracks[0].as_ref().unwrap().sentence;
+            assert!(sentence.contains(survived) && !sentence.contains('4'), "{sentence}");
+            assert_eq!(failing(&drive).iter().map(|found| found.highest).fold(0.0, f64::max), 4.0);
+        }
+    }
+
+    #[test]
     fn several_drives_share_one_scale() {
         let (a, b) = (drive("a", 10, &[("fog", 2.0), ("rain", 4.0)]), drive("b", 10, &[("rain", 1.0)]));
         let picture = picture(&[&a, &b]).unwrap();

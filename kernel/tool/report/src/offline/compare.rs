@@ -298,6 +298,26 @@ mod tests {
     }
 
     #[test]
+    fn a_column_of_several_levels_has_their_mean_difference() {
+        let [a, b] = [0.0, 1.0].map(|slope| {
+            let mut evaluation = evaluation("a", 0.0, 60);
+            let one = evaluation.cells.remove(0);
+            let at = |tenth: u32| {
+                let level = f64::from(tenth) / 10.0;
+                let frames =
+                    one.frames.iter().map(|(frame, error)| (*frame, error + slope * level)).collect();
+                EvaluationCell { level, frames, ..one.clone() }
+            };
+            evaluation.cells = (0..41).map(at).collect();
+            evaluation
+        });
+        let grid = grid(&a, &b, &["fog".to_owned()]);
+        let found: Vec<f64> = grid.rows[0].cells.iter().flatten().filter_map(|cell| cell.value).collect();
+        let close = |(found, expected): (&f64, f64)| (found - expected).abs() < 1e-9;
+        assert!(found.len() == 5 && found.iter().zip([0.45, 1.45, 2.45, 3.45, 4.0]).all(close), "{found:?}");
+    }
+
+    #[test]
     fn only_what_both_have_is_compared() {
         let (a, mut b) = (evaluation("a", 0.0, 60), evaluation("b", 0.3, 60));
         // The first half of the frames could not be read, and one perturbation is another.
